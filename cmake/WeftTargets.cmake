@@ -1,0 +1,56 @@
+# One function per kind of target.
+
+# What every target of our own is compiled with.
+function(weft_configure_target target)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wconversion)
+  if(WEFT_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(WEFT_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${WEFT_SANITIZE} -fno-omit-frame-pointer
+                                             -fno-sanitize-recover=all)
+    target_link_options(${target} PUBLIC -fsanitize=${WEFT_SANITIZE})
+  endif()
+endfunction()
+
+# A library exported as weft::NAME. Its sources are added by the folders below it.
+function(weft_add_library name)
+  add_library(weft-${name} STATIC)
+  add_library(weft::${name} ALIAS weft-${name})
+  set_target_properties(weft-${name} PROPERTIES EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON)
+  weft_configure_target(weft-${name})
+endfunction()
+
+# Embeds OpenCL C files: each FILE.cl becomes the string kernel_sources::FILE, its first line being
+# `#line 1 "FILE.cl"` so that a compile error names file and line.
+function(weft_embed_kernels target)
+  foreach(file IN LISTS ARGN)
+    get_filename_component(stem ${file} NAME_WE)
+    set(output ${CMAKE_CURRENT_BINARY_DIR}/kernels/${stem}.cpp)
+    add_custom_command(
+      OUTPUT ${output}
+      COMMAND ${CMAKE_COMMAND} -DINPUT=${file} -DOUTPUT=${output} -DSTEM=${stem}
+              -P ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
+      DEPENDS ${file} ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
+      COMMENT "Embedding ${stem}.cl"
+      VERBATIM)
+    target_sources(${target} PRIVATE ${output})
+  endforeach()
+endfunction()
+
+# A test program: weft_add_test(NAME SOURCES a.cpp ... [LABELS l ...] [TIMEOUT seconds]).
+# One ctest entry per program, because a process start on an OpenCL device is not free.
+function(weft_add_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LABELS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  weft_configure_target(${name})
+  target_link_libraries(${name} PRIVATE weft-test-support GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
+                                          ENVIRONMENT "${WEFT_TEST_ENVIRONMENT}")
+endfunction()

@@ -1,0 +1,40 @@
+// Device memory.
+#pragma once
+
+#include <CL/cl.h>
+
+#include <cstddef>
+#include <span>
+
+#include "weft/device/handle.hpp"
+
+namespace weft {
+
+class Device;
+
+// Untyped bytes on a device. Contents are undefined until written. Accounted for by its Device.
+class Buffer {
+ public:
+  Buffer() = default;
+  // Throws a run-time error that names `what`, the size and the limit if it exceeds the device's
+  // largest allocation or can't be had.
+  Buffer(Device& device, std::size_t bytes, const char* what);
+  // Read-only view of host memory, which must outlive it (CL_MEM_USE_HOST_PTR). Kernels read it
+  // with vloadN only, since it may be unaligned.
+  static Buffer wrap(Device& device, std::span<const std::byte> host, const char* what);
+  ~Buffer();
+  Buffer(Buffer&& other) noexcept;
+  Buffer& operator=(Buffer&& other) noexcept;
+
+  cl_mem get() const { return handle_.get(); }
+  std::size_t size() const { return size_; }
+  explicit operator bool() const { return static_cast<bool>(handle_); }
+
+ private:
+  Device* device_ = nullptr;
+  Handle<cl_mem> handle_;
+  std::size_t size_ = 0;
+  bool counted_ = false;
+};
+
+}  // namespace weft

@@ -1,0 +1,15 @@
+// The embedded OpenCL C sources, one per file of kernels/.
+#pragma once
+
+namespace weft {
+
+struct KernelSource {
+  const char* name;  // "gemm.cl"
+  const char* text;
+};
+
+namespace kernel_sources {
+extern const KernelSource convert_tile, error_sums, gemm, scan_tile, weave;
+}  // namespace kernel_sources
+
+}  // namespace weft

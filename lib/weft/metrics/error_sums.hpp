@@ -1,0 +1,42 @@
+// Errors of a reconstruction T' against T, pooled over all values, from sums that can be merged.
+//
+//   RMSE = sqrt(sum (T - T')^2 / n)          PSNR = 20 log10(peak / RMSE)
+//   SNR  = 10 log10(sum T^2 / sum (T - T')^2)   relative error = |T - T'|_F / |T|_F
+//
+// Values of 8-bit data are scaled to [0, 1] first.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace weft {
+
+struct ErrorSums {
+  std::size_t count = 0;         // n
+  double square_reference = 0;   // sum T^2
+  double square_difference = 0;  // sum (T - T')^2
+  double max_difference = 0;     // max |T - T'|
+  double max_reference = 0;      // max |T|
+
+  void merge(const ErrorSums& other);
+};
+
+struct ErrorReport {
+  std::size_t count = 0;
+  double rmse = 0;
+  double peak = 1;      // the peak that psnr refers to
+  double psnr = 0;      // dB; infinite for an exact reconstruction
+  double snr = 0;       // dB; infinite for an exact reconstruction, nan where T is all zero and T' not
+  double relative = 0;  // 0 for an exact reconstruction, infinite where T is all zero and T' not
+  double max_error = 0;
+};
+
+// `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero) unless
+// given. Where `square_difference` overflowed or vanished the figures say so by inf or 0.
+ErrorReport report(const ErrorSums& sums, double peak);
+
+// A JSON object {"rmse":...,"psnr":...,"psnr_peak":...,"snr":...,"relative":...,"max_error":...};
+// infinities are written as the strings "inf" and "-inf", nan as "nan".
+std::string to_json(const ErrorReport& report);
+
+}  // namespace weft
