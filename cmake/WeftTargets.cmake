@@ -23,11 +23,11 @@ function(weft_add_library name)
   weft_configure_target(weft-${name})
 endfunction()
 
-# Embeds OpenCL C files: each FILE.cl becomes the string kernel_sources::FILE, its first line being
-# `#line 1 "FILE.cl"` so that a compile error names file and line.
+# Embeds OpenCL C files: weft_embed_kernels(TARGET STEM ...): kernels/STEM.cl becomes
+# kernel_sources::STEM.
 function(weft_embed_kernels target)
-  foreach(file IN LISTS ARGN)
-    get_filename_component(stem ${file} NAME_WE)
+  foreach(stem IN LISTS ARGN)
+    set(file ${PROJECT_SOURCE_DIR}/kernels/${stem}.cl)
     set(output ${CMAKE_CURRENT_BINARY_DIR}/kernels/${stem}.cpp)
     add_custom_command(
       OUTPUT ${output}

@@ -9,7 +9,9 @@ std::atomic<bool> interrupt_requested{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "written from a signal handler");
 }  // namespace
 
-void request_interrupt() noexcept { interrupt_requested.store(true, std::memory_order_relaxed); }
+void request_interrupt() noexcept {
+  interrupt_requested.store(true, std::memory_order_relaxed);
+}
 
 void check_interrupt() {
   if (interrupt_requested.load(std::memory_order_relaxed)) {

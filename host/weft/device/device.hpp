@@ -25,18 +25,18 @@ struct DeviceLimits {
   std::string platform;
   std::string name;
   std::string vendor;
-  std::string version;         // "OpenCL 3.0 PoCL ..."
+  std::string version;  // "OpenCL 3.0 PoCL ..."
   std::string driver;
   bool is_cpu = false;
   bool has_fp64 = false;
   bool has_fp16 = false;
   std::size_t compute_units = 0;
   std::size_t max_work_group = 0;
-  std::size_t global_memory = 0;      // bytes
-  std::size_t largest_allocation = 0; // bytes
-  std::size_t local_memory = 0;       // bytes
-  std::size_t alignment = 0;          // bytes, of sub-buffers
-  std::size_t vector_width = 0;       // native float lanes
+  std::size_t global_memory = 0;       // bytes
+  std::size_t largest_allocation = 0;  // bytes
+  std::size_t local_memory = 0;        // bytes
+  std::size_t alignment = 0;           // bytes, of sub-buffers
+  std::size_t vector_width = 0;        // native float lanes
   bool unified_memory = false;
 };
 
@@ -51,9 +51,10 @@ struct KernelTime {
 
 class Device {
  public:
-  // `choice`: "auto" (the first GPU, else the first device), an index of list_devices(), or a part of
-  // a name, whatever the case. Throws a no-device error that says how to get one if there is none, an
-  // input error naming the choice if it fits none or several. `profile` keeps a time per kernel.
+  // `choice`: "auto" (the first GPU, else the first device), an index of list_devices(), or a part
+  // of a name, whatever the case. Throws a no-device error that says how to get one if there is
+  // none, an input error naming the choice if it fits none or several. `profile` keeps a time per
+  // kernel.
   explicit Device(std::string_view choice, bool profile = false);
   ~Device();
   Device(const Device&) = delete;
@@ -82,9 +83,9 @@ class Device {
     write(to, first_element * sizeof(T), std::as_bytes(from));
   }
 
-  // Enqueues a kernel over `global` work-items in groups of `local` (one to three sizes; every global
-  // size is a multiple of the local one). Arguments must be set. Throws a run-time error that names
-  // the kernel.
+  // Enqueues a kernel over `global` work-items in groups of `local` (one to three sizes; every
+  // global size is a multiple of the local one). Arguments must be set. Throws a run-time error
+  // that names the kernel.
   void launch(cl_kernel kernel, std::span<const std::size_t> global,
               std::span<const std::size_t> local);
   // Starts the work that was enqueued without waiting.
@@ -138,7 +139,7 @@ inline void set_argument(cl_kernel kernel, cl_uint index, const Buffer& buffer) 
   set_argument(kernel, index, sizeof(cl_mem), &handle);
 }
 template <typename T>
-  requires std::is_arithmetic_v<T>
+requires std::is_arithmetic_v<T>
 void set_argument(cl_kernel kernel, cl_uint index, const T& value) {
   set_argument(kernel, index, sizeof(T), &value);
 }

@@ -9,7 +9,7 @@ struct KernelSource {
 };
 
 namespace kernel_sources {
-extern const KernelSource convert_tile, error_sums, gemm, scan_tile, weave;
+extern const KernelSource weave;
 }  // namespace kernel_sources
 
 }  // namespace weft

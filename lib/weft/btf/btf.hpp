@@ -65,10 +65,10 @@ struct BtfInfo {
   std::size_t image_bytes() const { return shape.image_values() * size_of(dtype); }
 };
 
-// Throws an input error that names `where` (the file), the field and the value unless: every size is
-// at least 1 and their product in bytes fits in 2^62, dtype is U8, F16 or F32, direction counts match
-// the shape and layout, every direction is finite and of unit length within 1e-3, `paired` has L = 1,
-// channel names and mask, where given, have the right count.
+// Throws an input error that names `where` (the file), the field and the value unless: every size
+// is at least 1 and their product in bytes fits in 2^62, dtype is U8, F16 or F32, direction counts
+// match the shape and layout, every direction is finite and of unit length within 1e-3, `paired`
+// has L = 1, channel names and mask, where given, have the right count.
 void validate(const BtfInfo& info, std::string_view where);
 
 }  // namespace weft

@@ -33,13 +33,11 @@ struct Selection {
   // (odd last rows and columns average what there is). The region is in texels of level 0.
   std::size_t level = 0;
 
-  bool selects_all() const {
-    return !views && !lights && !region && !channels && level == 0;
-  }
+  bool selects_all() const { return !views && !lights && !region && !channels && level == 0; }
 };
 
-// "0,3,8-11" with indices below `limit`; also "all". Throws an input error that names `option` and the
-// offending part: not a number, out of range, repeated, or a range that runs backwards.
+// "0,3,8-11" with indices below `limit`; also "all". Throws an input error that names `option` and
+// the offending part: not a number, out of range, repeated, or a range that runs backwards.
 std::vector<std::size_t> parse_indices(std::string_view text, std::size_t limit,
                                        std::string_view option);
 
@@ -49,8 +47,8 @@ Region parse_region(std::string_view text, std::string_view option);
 // As text for a report or a model's metadata: a JSON object with the parts that are set.
 std::string to_json(const Selection& selection);
 
-// What `info` becomes under the selection. Throws an input error that names the part of the selection
-// that does not fit. A `paired` BTF takes no light selection.
+// What `info` becomes under the selection. Throws an input error that names the part of the
+// selection that does not fit. A `paired` BTF takes no light selection.
 BtfInfo select(const BtfInfo& info, const Selection& selection);
 
 // The selected part of `source` as a source of its own, reading image by image, in the dtype of the

@@ -4,8 +4,8 @@
 //   source.read(first, count, out)        out: [count][Y][X][C] in the source's dtype
 //   sink.write(first, count, values)      values: [count][Y][X][C] in the sink's dtype
 //
-// The image is the granule: a tile is a run of images, however many memory allows, and no result may
-// depend on how many that is.
+// The image is the granule: a tile is a run of images, however many memory allows, and no result
+// may depend on how many that is.
 #pragma once
 
 #include <cstddef>
@@ -34,15 +34,16 @@ class TileSource {
     return {};
   }
 
-  // Says that images [first, first + count) were consumed for now; a mapped source gives their pages
-  // back, so that a file larger than memory does not stay resident.
+  // Says that images [first, first + count) were consumed for now; a mapped source gives their
+  // pages back, so that a file larger than memory does not stay resident.
   virtual void release(std::size_t first, std::size_t count) {
     (void)first;
     (void)count;
   }
 };
 
-// Where values go. Not thread-safe: one thread writes, in ascending order of images, every image once.
+// Where values go. Not thread-safe: one thread writes, in ascending order of images, every image
+// once.
 class TileSink {
  public:
   virtual ~TileSink() = default;
@@ -52,7 +53,8 @@ class TileSink {
 
   virtual void write(std::size_t first, std::size_t count, std::span<const std::byte> values) = 0;
 
-  // Completes the output (flush, rename into place). Without it, destruction removes what was written.
+  // Completes the output (flush, rename into place). Without it, destruction removes what was
+  // written.
   virtual void finish() = 0;
 };
 

@@ -18,8 +18,8 @@ struct NpyHeader {
   std::size_t data_offset = 0;
 };
 
-// Reads and checks the header: magic, version, dtype, order, shape against the file's size. Throws an
-// input error that names file, field and value.
+// Reads and checks the header: magic, version, dtype, order, shape against the file's size. Throws
+// an input error that names file, field and value.
 NpyHeader read_npy_header(const std::filesystem::path& path);
 
 // A version 1.0 header, padded so that the data begins at a multiple of 64 bytes.
@@ -28,9 +28,9 @@ std::string make_npy_header(DType dtype, const std::vector<std::size_t>& shape);
 // [V,L,Y,X,C] with a `.json` of directions beside it (same name, other ending): see open_npy_btf.
 std::unique_ptr<TileSink> create_npy_btf(const std::filesystem::path& path, const BtfInfo& info);
 
-// Reads such a pair. JSON: `views` and `lights`, lists of {"dir":[x,y,z]} or {"theta":..,"phi":..} in
-// degrees, or of plain [x,y,z] or [theta,phi]; optionally `encoding`, `quantity`, `layout`, `source`,
-// `channel_names`. Without an encoding: `linear` for float data, `srgb` for 8-bit data.
+// Reads such a pair. JSON: `views` and `lights`, lists of {"dir":[x,y,z]} or {"theta":..,"phi":..}
+// in degrees, or of plain [x,y,z] or [theta,phi]; optionally `encoding`, `quantity`, `layout`,
+// `source`, `channel_names`. Without an encoding: `linear` for float data, `srgb` for 8-bit data.
 std::shared_ptr<TileSource> open_npy_btf(const std::filesystem::path& path);
 
 }  // namespace weft

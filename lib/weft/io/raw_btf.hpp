@@ -9,9 +9,9 @@
 
 namespace weft {
 
-// Opens a raw BTF for reading: a `.safetensors` file, or a `.npy` with a `.json` of directions beside
-// it. Memory-mapped: read() copies, mapped() does not. Throws an input error for anything that is not
-// a valid raw BTF (see `validate` and SafetensorsFile). Values are not looked at here.
+// Opens a raw BTF for reading: a `.safetensors` file, or a `.npy` with a `.json` of directions
+// beside it. Memory-mapped: read() copies, mapped() does not. Throws an input error for anything
+// that is not a valid raw BTF (see `validate` and SafetensorsFile). Values are not looked at here.
 std::shared_ptr<TileSource> open_raw_btf(const std::filesystem::path& path);
 
 // Creates a raw BTF file; the values come through the sink.

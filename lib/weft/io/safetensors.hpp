@@ -2,10 +2,10 @@
 //
 //   [ u64 H ][ header: H bytes of JSON, padded with spaces ][ tensor 0 | tensor 1 | ... ]
 //
-// As the public format asks: offsets are relative to the end of the header; tensors follow each other
-// without gaps or overlaps and the last ends the file; __metadata__ holds strings only. Ours are
-// ordered by descending element size and the data begins at a multiple of 64 bytes, so every tensor is
-// aligned. Readers of foreign files accept any order and any alignment.
+// As the public format asks: offsets are relative to the end of the header; tensors follow each
+// other without gaps or overlaps and the last ends the file; __metadata__ holds strings only. Ours
+// are ordered by descending element size and the data begins at a multiple of 64 bytes, so every
+// tensor is aligned. Readers of foreign files accept any order and any alignment.
 #pragma once
 
 #include <cstddef>
@@ -37,11 +37,12 @@ struct TensorInfo {
   std::size_t bytes() const { return elements() * size_of(dtype); }
 };
 
-// A safetensors file opened for reading; values stay in the mapping. The constructor checks the whole
-// header: length within the file and at most 100 MiB, valid JSON, known dtypes, shapes whose product
-// does not overflow and equals the byte range, ranges within the file, no gaps, no overlaps, nothing
-// after the last, metadata of strings only, no duplicate names. What is wrong is an input error that
-// names the file, the tensor and the value. Nothing is allocated in proportion to a claimed size.
+// A safetensors file opened for reading; values stay in the mapping. The constructor checks the
+// whole header: length within the file and at most 100 MiB, valid JSON, known dtypes, shapes whose
+// product does not overflow and equals the byte range, ranges within the file, no gaps, no
+// overlaps, nothing after the last, metadata of strings only, no duplicate names. What is wrong is
+// an input error that names the file, the tensor and the value. Nothing is allocated in proportion
+// to a claimed size.
 class SafetensorsFile {
  public:
   explicit SafetensorsFile(const std::filesystem::path& path);
@@ -74,8 +75,8 @@ class SafetensorsFile {
   std::vector<std::size_t> offsets_;
 };
 
-// Writes a safetensors file atomically. All tensors are announced first; their bytes may then come in
-// any order and in pieces. Metadata may change until finish(), within the room that was kept.
+// Writes a safetensors file atomically. All tensors are announced first; their bytes may then come
+// in any order and in pieces. Metadata may change until finish(), within the room that was kept.
 class SafetensorsWriter {
  public:
   // `reserve`: bytes kept in the header for metadata that is not known yet. The tensors are ordered

@@ -24,15 +24,15 @@ struct ErrorSums {
 struct ErrorReport {
   std::size_t count = 0;
   double rmse = 0;
-  double peak = 1;      // the peak that psnr refers to
-  double psnr = 0;      // dB; infinite for an exact reconstruction
-  double snr = 0;       // dB; infinite for an exact reconstruction, nan where T is all zero and T' not
+  double peak = 1;  // the peak that psnr refers to
+  double psnr = 0;  // dB; infinite for an exact reconstruction
+  double snr = 0;   // dB; infinite for an exact reconstruction, nan where T is all zero and T' not
   double relative = 0;  // 0 for an exact reconstruction, infinite where T is all zero and T' not
   double max_error = 0;
 };
 
-// `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero) unless
-// given. Where `square_difference` overflowed or vanished the figures say so by inf or 0.
+// `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero)
+// unless given. Where `square_difference` overflowed or vanished the figures say so by inf or 0.
 ErrorReport report(const ErrorSums& sums, double peak);
 
 // A JSON object {"rmse":...,"psnr":...,"psnr_peak":...,"snr":...,"relative":...,"max_error":...};

@@ -1,5 +1,6 @@
 // F16 storage with a power of two per component, so that a component's largest magnitude lies in
-// [2^14, 2^15): value = half * scale. Every finite float magnitude from 1e-38 to 1e38 is served alike.
+// [2^14, 2^15): value = half * scale. Every finite float magnitude from 1e-38 to 1e38 is served
+// alike.
 #pragma once
 
 #include <cstddef>

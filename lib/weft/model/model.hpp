@@ -1,5 +1,5 @@
-// What every codec stores has in common. A model is named tensors plus metadata; a codec's own struct
-// derives from Model and knows its tensors and how to decode one value plainly.
+// What every codec stores has in common. A model is named tensors plus metadata; a codec's own
+// struct derives from Model and knows its tensors and how to decode one value plainly.
 #pragma once
 
 #include <cstddef>
@@ -18,9 +18,9 @@ namespace weft {
 enum class Storage : std::uint8_t { f16, f32 };
 
 struct ModelInfo {
-  std::string codec;                // a name of the table of codecs
-  std::string parameters = "{}";    // JSON object: what the encoder was asked and what it chose
-  std::string selection = "{}";     // JSON object, see to_json(Selection)
+  std::string codec;              // a name of the table of codecs
+  std::string parameters = "{}";  // JSON object: what the encoder was asked and what it chose
+  std::string selection = "{}";   // JSON object, see to_json(Selection)
   std::string colour_transform = "none";
   Storage storage = Storage::f16;
   // What decoding gives: shape, directions, encoding ...; dtype is that of the raw tensor.
@@ -34,8 +34,8 @@ struct ModelInfo {
 struct ModelTensor {
   std::string name;
   std::vector<std::size_t> shape;
-  DType dtype = DType::f32;            // F32 for real-valued tensors, whatever the storage
-  std::span<const std::byte> values;   // owned by the model
+  DType dtype = DType::f32;           // F32 for real-valued tensors, whatever the storage
+  std::span<const std::byte> values;  // owned by the model
   // For F16 storage of a real-valued tensor: the axis whose indices are components with a scale of
   // their own; `no_component_axis` for one scale for the whole tensor.
   std::size_t component_axis = no_component_axis;
@@ -53,8 +53,8 @@ class Model {
   virtual std::vector<ModelTensor> tensors() const = 0;
 
   // The C values of one texel for one view and light, computed in double by the codec's formula. In
-  // the stored encoding, scaled as the raw data (8-bit data: [0, 1]), not clamped. Indices are within
-  // info.btf.shape.
+  // the stored encoding, scaled as the raw data (8-bit data: [0, 1]), not clamped. Indices are
+  // within info.btf.shape.
   virtual void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                             std::span<double> out) const = 0;
 };

@@ -19,6 +19,8 @@ std::string_view name_of(DType type);
 // The type with that name; nothing if the name is not one of ours.
 std::optional<DType> dtype_from_name(std::string_view name);
 
-constexpr bool is_float(DType type) { return type >= DType::f16; }
+constexpr bool is_float(DType type) {
+  return type >= DType::f16;
+}
 
 }  // namespace weft

@@ -1,0 +1,66 @@
+#include "weft/device/buffer.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "weft/device/cl_status.hpp"
+#include "weft/device/device.hpp"
+#include "weft/error.hpp"
+
+namespace weft {
+
+Buffer::Buffer(Device& device, std::size_t bytes, const char* what)
+    : device_(&device), size_(bytes) {
+  const DeviceLimits& limits = device.limits();
+  if (bytes > limits.largest_allocation) {
+    fail_runtime("{}: {} bytes exceed the largest allocation of {}, {} bytes", what, bytes,
+                 limits.name, limits.largest_allocation);
+  }
+  // A driver may let us allocate more than there is: our own account is the limit.
+  if (device.allocated() + bytes > limits.global_memory) {
+    fail_runtime("{}: {} bytes, beside {} in use, exceed the memory of {}, {} bytes", what, bytes,
+                 device.allocated(), limits.name, limits.global_memory);
+  }
+  cl_int status = CL_SUCCESS;
+  handle_ = Handle<cl_mem>(clCreateBuffer(device.context(), CL_MEM_READ_WRITE,
+                                          std::max<std::size_t>(bytes, 1), nullptr, &status));
+  check_cl(status, what);
+  device.account(static_cast<std::ptrdiff_t>(bytes));
+  counted_ = true;
+}
+
+Buffer Buffer::wrap(Device& device, std::span<const std::byte> host, const char* what) {
+  Buffer buffer;
+  buffer.device_ = &device;
+  buffer.size_ = host.size();
+  cl_int status = CL_SUCCESS;
+  // The flag promises that no kernel writes here; the C API has no const form of host_ptr.
+  void* pointer = const_cast<std::byte*>(host.data());
+  buffer.handle_ = Handle<cl_mem>(clCreateBuffer(
+      device.context(), CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, host.size(), pointer, &status));
+  check_cl(status, what);
+  return buffer;
+}
+
+Buffer::~Buffer() {
+  if (counted_) device_->account(-static_cast<std::ptrdiff_t>(size_));
+}
+
+Buffer::Buffer(Buffer&& other) noexcept
+    : device_(other.device_),
+      handle_(std::move(other.handle_)),
+      size_(std::exchange(other.size_, 0)),
+      counted_(std::exchange(other.counted_, false)) {}
+
+Buffer& Buffer::operator=(Buffer&& other) noexcept {
+  if (this != &other) {
+    if (counted_) device_->account(-static_cast<std::ptrdiff_t>(size_));
+    device_ = other.device_;
+    handle_ = std::move(other.handle_);
+    size_ = std::exchange(other.size_, 0);
+    counted_ = std::exchange(other.counted_, false);
+  }
+  return *this;
+}
+
+}  // namespace weft
