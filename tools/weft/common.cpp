@@ -1,0 +1,103 @@
+#include "common.hpp"
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include "weft/error.hpp"
+
+namespace weft {
+namespace {
+
+struct Unit {
+  std::string_view name;
+  double bytes;
+};
+constexpr double kibi = 1024.0;
+constexpr std::array units{
+    Unit{"", 1.0},
+    Unit{"B", 1.0},
+    Unit{"K", kibi},
+    Unit{"KiB", kibi},
+    Unit{"kB", 1e3},
+    Unit{"M", kibi* kibi},
+    Unit{"MiB", kibi* kibi},
+    Unit{"MB", 1e6},
+    Unit{"G", kibi* kibi* kibi},
+    Unit{"GiB", kibi* kibi* kibi},
+    Unit{"GB", 1e9},
+    Unit{"T", kibi* kibi* kibi* kibi},
+    Unit{"TiB", kibi* kibi* kibi* kibi},
+    Unit{"TB", 1e12},
+};
+// Past this no machine has memory, and double arithmetic on sizes stays far from overflow.
+constexpr double largest_size = 4611686018427387904.0;  // 2^62
+
+}  // namespace
+
+void add_output_options(CLI::App& command, OutputOptions& options) {
+  command.add_flag("--json", options.json, "Report as one JSON object on standard output")
+      ->group("Report");
+  command
+      .add_flag("--quiet", options.quiet, "No progress, and no report unless --json asks for one")
+      ->group("Report");
+}
+
+void add_device_options(CLI::App& command, DeviceOptions& options) {
+  command
+      .add_option("--device", options.device,
+                  "auto (the first GPU, else the first device), reference (Eigen, without OpenCL), "
+                  "an index of 'weft devices', or a part of a device's name")
+      ->type_name("CHOICE")
+      ->group("Device");
+  command
+      .add_option_function<std::string>(
+          "--memory",
+          [&options](const std::string& text) { options.memory = parse_size(text, "--memory"); },
+          "Bound on the job's memory, host and device together, not counting pages of a mapped "
+          "input")
+      ->type_name("SIZE")
+      ->default_str("2GiB")
+      ->group("Device");
+  command.add_flag("--profile", options.profile, "Report the time spent in each kernel")
+      ->group("Device");
+}
+
+std::size_t parse_size(std::string_view text, std::string_view option) {
+  double number = 0;
+  const char* const end = text.data() + text.size();
+  // No hexadecimal, no sign, no "inf": only what a person would write as a size.
+  const bool starts_with_digit = !text.empty() && text.front() >= '0' && text.front() <= '9';
+  const auto parsed = std::from_chars(text.data(), end, number, std::chars_format::fixed);
+  if (!starts_with_digit || parsed.ec != std::errc{}) {
+    fail_input("{}: '{}' is not a size such as 1GiB, 512MiB or 4000000", option, text);
+  }
+  const std::string_view suffix(parsed.ptr, static_cast<std::size_t>(end - parsed.ptr));
+  for (const Unit& unit : units) {
+    if (suffix != unit.name) continue;
+    const double bytes = number * unit.bytes;
+    if (bytes < 1.0 || bytes > largest_size) {
+      fail_input("{}: size '{}' is out of range (1 byte to 2^62 bytes)", option, text);
+    }
+    return static_cast<std::size_t>(std::llround(bytes));
+  }
+  fail_input("{}: '{}' has the unknown unit '{}'; known: KiB, MiB, GiB, TiB, kB, MB, GB, TB",
+             option, text, suffix);
+}
+
+OutputKind output_kind(const std::filesystem::path& path) {
+  if (path.empty()) fail_input("the output has an empty name");
+  if (!path.has_filename() || std::filesystem::is_directory(path)) return OutputKind::folder;
+  const std::string extension = path.extension().string();
+  if (extension.empty()) return OutputKind::folder;
+  if (extension == ".npy") return OutputKind::npy;
+  if (extension == ".safetensors") return OutputKind::safetensors;
+  if (extension == ".weft") return OutputKind::model;
+  fail_input(
+      "{}: unknown kind of output '{}'; known: .safetensors (raw BTF), .npy, .weft (model), or a "
+      "folder for images (a name without extension, or one that ends in /)",
+      path.string(), extension);
+}
+
+}  // namespace weft

@@ -1,0 +1,48 @@
+// What subcommands share: options in the same words everywhere, sizes, kinds of output.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace CLI {
+class App;
+}
+
+namespace weft {
+
+// --json --quiet
+struct OutputOptions {
+  bool json = false;   // the report on standard output is one JSON object
+  bool quiet = false;  // no progress, and no report unless it is JSON
+};
+void add_output_options(CLI::App& command, OutputOptions& options);
+
+// --device --memory --profile
+struct DeviceOptions {
+  std::string device = "auto";
+  std::size_t memory = std::size_t{2} << 30;  // bytes
+  bool profile = false;
+
+  // Whether the work is to be done by the Eigen reference, without any OpenCL device.
+  bool reference() const { return device == "reference"; }
+};
+void add_device_options(CLI::App& command, DeviceOptions& options);
+
+// "1GiB", "1.5G", "512MiB", "64KiB", "4000000", "1GB": K, M, G, T with or without iB are powers of
+// 1024; kB, MB, GB, TB powers of 1000; no unit means bytes. At least 1. Throws an input error that
+// names `option` and the text.
+std::size_t parse_size(std::string_view text, std::string_view option);
+
+// What an output is, by its name.
+enum class OutputKind {
+  folder,       // images: an existing folder, a name that ends in / or has no extension
+  npy,          // NAME.npy, with its directions in NAME.json
+  safetensors,  // a raw BTF
+  model         // NAME.weft
+};
+// Throws an input error for any other extension.
+OutputKind output_kind(const std::filesystem::path& path);
+
+}  // namespace weft
