@@ -79,7 +79,8 @@ int run(int argc, char** argv) {
   for (const AddSubcommand add : subcommands) add(program, action);
 
   // A misspelt subcommand is to be named; the parser would only miss one.
-  if (argc > 1 && argv[1][0] != '-' && !program.get_subcommand_no_throw(argv[1])) {
+  const auto named = [argv](const CLI::App* command) { return command->check_name(argv[1]); };
+  if (argc > 1 && argv[1][0] != '-' && program.get_subcommands(named).empty()) {
     fmt::print(stderr, "weft: error: unknown subcommand '{}'\nSee 'weft --help'.\n", argv[1]);
     return bad_usage;
   }
