@@ -58,3 +58,18 @@ function(weft_add_test name)
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
                                           ENVIRONMENT "${WEFT_TEST_ENVIRONMENT}")
 endfunction()
+
+# A run of a test program on the Oclgrind simulator: weft_add_oclgrind_test(NAME TARGET [ARGUMENT...]).
+# It fails on any report: accesses out of bounds, data races, reads of uninitialised memory. Arguments
+# choose small cases (--gtest_filter=*Small*); the device choice "auto" finds the simulator alone. Not
+# added to builds with sanitizers, which the simulator can't run.
+function(weft_add_oclgrind_test name target)
+  if(WEFT_SANITIZE)
+    return()
+  endif()
+  find_program(OCLGRIND oclgrind REQUIRED)
+  add_test(NAME ${name}
+           COMMAND sh ${PROJECT_SOURCE_DIR}/tests/support/run_oclgrind.sh ${OCLGRIND}
+                   ${CMAKE_CURRENT_BINARY_DIR}/${name}.log $<TARGET_FILE:${target}> ${ARGN})
+  set_tests_properties(${name} PROPERTIES TIMEOUT 600 LABELS oclgrind)
+endfunction()

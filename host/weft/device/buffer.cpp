@@ -42,6 +42,19 @@ Buffer Buffer::wrap(Device& device, std::span<const std::byte> host, const char*
   return buffer;
 }
 
+Buffer Buffer::part(Device& device, const Buffer& whole, std::size_t offset, std::size_t bytes,
+                    const char* what) {
+  Buffer buffer;
+  buffer.device_ = &device;
+  buffer.size_ = bytes;
+  const cl_buffer_region region{offset, bytes};
+  cl_int status = CL_SUCCESS;
+  buffer.handle_ = Handle<cl_mem>(clCreateSubBuffer(
+      whole.get(), CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &status));
+  check_cl(status, what);
+  return buffer;
+}
+
 Buffer::~Buffer() {
   if (counted_) device_->account(-static_cast<std::ptrdiff_t>(size_));
 }

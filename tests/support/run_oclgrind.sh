@@ -1,0 +1,21 @@
+#!/bin/sh
+# Runs a program on the Oclgrind simulator, which checks every access of every work-item, and fails on
+# any report. Oclgrind's own exit status is 0 even when it found something, so its log decides.
+#
+#   run_oclgrind.sh OCLGRIND LOG PROGRAM [ARGUMENT...]
+set -u
+oclgrind=$1
+log=$2
+shift 2
+rm -f "$log"
+"$oclgrind" --data-races --uninitialized --log "$log" "$@"
+status=$?
+if [ "$status" -ne 0 ]; then
+  echo "run_oclgrind: $1 ended with status $status" >&2
+  exit "$status"
+fi
+if [ -s "$log" ]; then
+  echo "run_oclgrind: reports of the simulator:" >&2
+  head -n 100 "$log" >&2
+  exit 1
+fi
