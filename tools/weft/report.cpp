@@ -205,7 +205,7 @@ std::string format_bytes(std::uint64_t bytes) {
 
 std::string format_seconds(double seconds) {
   if (seconds < 1.0) return fmt::format("{:.3g} ms", seconds * 1e3);
-  if (seconds < 60.0) return fmt::format("{:.3g} s", seconds);
+  if (seconds < 59.95) return fmt::format("{:.3g} s", seconds);
   const double whole = std::round(seconds);
   const double minutes = std::floor(whole / 60.0);
   if (minutes < 60.0) return fmt::format("{:.0f} min {:.0f} s", minutes, whole - 60.0 * minutes);
