@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "weft/device/device.hpp"
 #include "weft/error.hpp"
@@ -50,7 +51,11 @@ std::string trimmed(std::string line) {
 }  // namespace
 
 Cell text_cell(std::string_view value) {
-  return {std::string(value), json_string(value)};
+  // Text from a file must not steer the terminal.
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
+  std::string text(value);
+  std::replace_if(text.begin(), text.end(), is_control, '?');
+  return {std::move(text), json_string(value)};
 }
 
 Cell count_cell(std::uint64_t value, std::string_view unit) {
