@@ -17,18 +17,25 @@ class AtomicFile {
   AtomicFile(AtomicFile&& other) noexcept;
   AtomicFile& operator=(AtomicFile&&) = delete;
 
-  // Appends. Throws a run-time error that names the file (disk full, I/O error).
+  // Appends to what was written so far. Throws a run-time error that names the file (disk full, I/O
+  // error).
   void write(std::span<const std::byte> bytes);
   // Overwrites bytes already written, or leaves a hole before them.
   void write_at(std::size_t offset, std::span<const std::byte> bytes);
-  // Bytes appended so far.
+  // The file's extent so far, holes included.
   std::size_t size() const { return size_; }
   // Flushes to disk and renames into place.
   void commit();
+  // Commits two files of which each is useless without the other: if either can't be put into
+  // place, both names are left as they were.
+  static void commit_both(AtomicFile& first, AtomicFile& second);
 
   const std::filesystem::path& path() const { return path_; }
 
  private:
+  void flush();
+  void rename_into_place();
+
   std::filesystem::path path_;
   std::filesystem::path temporary_;
   int descriptor_ = -1;

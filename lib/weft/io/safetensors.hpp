@@ -37,6 +37,9 @@ struct TensorInfo {
   std::size_t bytes() const { return elements() * size_of(dtype); }
 };
 
+// "[2, 3]" for messages; shortened where it is long.
+std::string shape_text(const std::vector<std::size_t>& shape);
+
 // A safetensors file opened for reading; values stay in the mapping. The constructor checks the
 // whole header: length within the file and at most 100 MiB, valid JSON, known dtypes, shapes whose
 // product does not overflow and equals the byte range, ranges within the file, no gaps, no
@@ -87,7 +90,7 @@ class SafetensorsWriter {
   // Writes bytes of one tensor from `offset` on.
   void write(std::string_view tensor, std::size_t offset, std::span<const std::byte> bytes);
   void set_metadata(const std::string& key, std::string value);
-  // Writes the header, checks that every tensor's last byte exists, and commits.
+  // Checks that as many bytes came as each tensor has, writes the header, and commits.
   void finish();
 
   // Size of the finished file in bytes.
@@ -99,8 +102,13 @@ class SafetensorsWriter {
   AtomicFile file_;
   std::vector<TensorInfo> tensors_;
   std::vector<std::size_t> offsets_;  // from the start of the file
+  std::vector<std::size_t> written_;  // bytes that came so far
   Metadata metadata_;
   std::size_t header_bytes_ = 0;  // without the 8 bytes of its length
 };
+
+// The bytes that a file with these tensors and this metadata takes.
+std::size_t safetensors_file_size(std::vector<TensorInfo> tensors, Metadata metadata,
+                                  std::size_t reserve = 0);
 
 }  // namespace weft
