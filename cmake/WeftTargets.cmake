@@ -27,6 +27,10 @@ function(weft_add_library name)
   weft_configure_target(weft-${name})
 endfunction()
 
+# Kernel files that others include.
+set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl)
+
 # Embeds OpenCL C files: weft_embed_kernels(TARGET STEM ...): kernels/STEM.cl becomes
 # kernel_sources::STEM.
 function(weft_embed_kernels target)
@@ -37,7 +41,7 @@ function(weft_embed_kernels target)
       OUTPUT ${output}
       COMMAND ${CMAKE_COMMAND} -DINPUT=${file} -DOUTPUT=${output} -DSTEM=${stem}
               -P ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
-      DEPENDS ${file} ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
+      DEPENDS ${file} ${WEFT_KERNEL_INCLUDES} ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
       COMMENT "Embedding ${stem}.cl"
       VERBATIM)
     target_sources(${target} PRIVATE ${output})

@@ -43,10 +43,9 @@ cl_program Device::program(const KernelSource& source, const std::string& option
   const auto known = programs_.find(key);
   if (known != programs_.end()) return known->second.get();
 
-  const std::string line = std::string("#line 1 \"") + source.name + "\"\n";
-  const char* texts[] = {line.c_str(), source.text};
+  const char* text = source.text;
   cl_int status = CL_SUCCESS;
-  Handle<cl_program> built(clCreateProgramWithSource(context_.get(), 2, texts, nullptr, &status));
+  Handle<cl_program> built(clCreateProgramWithSource(context_.get(), 1, &text, nullptr, &status));
   check_cl(status, source.name);
   const std::string all_options = "-cl-std=CL1.2 " + options;
   status = clBuildProgram(built.get(), 1, &id_, all_options.c_str(), nullptr, nullptr);

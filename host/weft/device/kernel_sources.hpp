@@ -9,6 +9,13 @@ struct KernelSource {
 };
 
 namespace kernel_sources {
+extern const KernelSource convert_tile;
+extern const KernelSource decode_pca;
+extern const KernelSource error_sums;
+extern const KernelSource gemm;
+extern const KernelSource gram;
+extern const KernelSource scan_tile;
+extern const KernelSource transcode_tile;
 extern const KernelSource weave;
 }  // namespace kernel_sources
 

@@ -1,0 +1,23 @@
+// Images from a PCA model on the device: kernels/decode_pca.cl.
+#pragma once
+
+#include <cstddef>
+
+#include "weft/device/device.hpp"
+
+namespace weft::ops {
+
+struct DecodePcaShape {
+  std::size_t images = 0;
+  std::size_t texels = 0;
+  std::size_t channels = 0;
+  std::size_t rank = 0;
+};
+
+// out[image, p, c] = mean + sum_j A[p, j] B[j, image, c].
+//   A:    packed panels of the k x P matrix A^T (ops::pack_panels)
+//   B:    [images C][k]; mean: [images C]; out: [images][P][C] floats
+void decode_pca(Device& device, const DecodePcaShape& shape, const Buffer& A, const Buffer& B,
+                const Buffer& mean, Buffer& out);
+
+}  // namespace weft::ops

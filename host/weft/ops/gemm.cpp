@@ -1,0 +1,72 @@
+#include "weft/ops/gemm.hpp"
+
+#include <string>
+
+#include "weft/ops/launch.hpp"
+
+namespace weft::ops {
+namespace {
+constexpr std::size_t pack_rows = 64;
+constexpr std::size_t macro_rows = 96;
+
+// Columns of a macro-tile: whole panels, so many that a panel's block of B is reused from the
+// caches, and so few that every compute unit has several tiles.
+std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N) {
+  const std::size_t width = panel_width(device);
+  const std::size_t most = 20 * width;
+  const std::size_t row_tiles = ceil_div(M, macro_rows);
+  const std::size_t wanted_tiles = 8;  // fixed: no result may depend on the number of units
+  const std::size_t columns = round_up(ceil_div(N * row_tiles, wanted_tiles), width);
+  return std::clamp(columns, width, most);
+}
+}  // namespace
+
+Operand row_major(const Device& device, const Buffer& buffer, std::size_t leading,
+                  std::size_t offset) {
+  return {&buffer, offset, leading, 1, panel_width(device)};
+}
+
+Operand transposed(const Device& device, const Buffer& buffer, std::size_t leading,
+                   std::size_t offset) {
+  return {&buffer, offset, 1, leading, panel_width(device) * leading};
+}
+
+Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows) {
+  const std::size_t width = panel_width(device);
+  return {&buffer, 0, width, 1, rows * width};
+}
+
+std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N) {
+  return K * round_up(N, panel_width(device));
+}
+
+void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed) {
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::gemm, vector_option(device), "pack_panels");
+  set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(K),
+                ulong(N), packed);
+  launch_items(device, kernel, ceil_div(N, panel_width(device)), ceil_div(K, pack_rows));
+}
+
+void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
+                 const Operand& A, const Buffer& packed_b, float beta, Buffer& C,
+                 std::size_t c_leading, std::size_t c_offset) {
+  const std::size_t columns = macro_columns(device, M, N);
+  const std::string options = fmt::format("{} -DA_TRANSPOSED={}", vector_option(device),
+                                          A.row == 1 && A.column != 1 ? 1 : 0);
+  const cl_kernel kernel = device.kernel(kernel_sources::gemm, options, "gemm");
+  set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), alpha, *A.buffer,
+                ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel), packed_b, beta, C,
+                ulong(c_offset), ulong(c_leading), ulong(panel_width(device)));
+  launch_items(device, kernel, ceil_div(N, columns), ceil_div(M, macro_rows));
+}
+
+void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
+          const Operand& A, const Operand& B, float beta, Buffer& C, std::size_t c_leading,
+          std::size_t c_offset) {
+  Buffer packed(device, packed_elements(device, K, N) * sizeof(float), "packed matrix");
+  pack_panels(device, B, K, N, packed);
+  gemm_packed(device, M, N, K, alpha, A, packed, beta, C, c_leading, c_offset);
+}
+
+}  // namespace weft::ops

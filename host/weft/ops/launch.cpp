@@ -1,0 +1,36 @@
+#include "weft/ops/launch.hpp"
+
+#include <array>
+
+#include "weft/error.hpp"
+
+namespace weft::ops {
+
+void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y) {
+  if (x == 0 || y == 0) return;
+  const std::array<std::size_t, 2> global{x, y};
+  const std::array<std::size_t, 2> local{1, 1};
+  device.launch(kernel, global, local);
+}
+
+std::size_t vector_width(const Device&) {
+  return 8;
+}
+
+std::size_t panel_width(const Device& device) {
+  return 3 * vector_width(device);
+}
+
+std::string vector_option(const Device& device) {
+  return fmt::format("-DVW={}", vector_width(device));
+}
+
+std::string value_options(DType dtype, bool nan_zero) {
+  if (dtype != DType::u8 && dtype != DType::f16 && dtype != DType::f32) {
+    fail_input("values of type {} can't be read by a device", name_of(dtype));
+  }
+  const int value = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;
+  return fmt::format("-DVALUE={} -DNAN_ZERO={}", value, nan_zero ? 1 : 0);
+}
+
+}  // namespace weft::ops

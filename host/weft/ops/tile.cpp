@@ -1,0 +1,115 @@
+#include "weft/ops/tile.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "weft/ops/launch.hpp"
+
+namespace weft::ops {
+namespace {
+constexpr std::size_t scan_chunk = 1024;    // texels
+constexpr std::size_t convert_panels = 16;  // panels
+constexpr std::size_t value_chunk = 2048;   // values
+
+std::string tile_options(const TileShape& tile) {
+  return fmt::format("{} -DCHANNELS={}", value_options(tile.dtype, tile.nan_zero), tile.channels);
+}
+}  // namespace
+
+TileScan scan_tile(Device& device, const TileShape& tile, const Buffer& raw) {
+  const std::size_t chunks = ceil_div(tile.texels, scan_chunk);
+  const std::size_t slots = tile.images * chunks;
+  Buffer sums(device, slots * tile.channels * 2 * sizeof(float), "tile sums");
+  Buffer largest(device, slots * sizeof(float), "tile maxima");
+  Buffer first_bad(device, slots * sizeof(std::uint64_t), "tile checks");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::scan_tile,
+                    fmt::format("{} -DCHUNK={}", tile_options(tile), scan_chunk), "scan_tile");
+  set_arguments(kernel, raw, ulong(tile.texels), sums, largest, first_bad);
+  launch_items(device, kernel, chunks, tile.images);
+
+  std::vector<float> host_sums(slots * tile.channels * 2);
+  std::vector<float> host_largest(slots);
+  std::vector<std::uint64_t> host_bad(slots);
+  device.read(sums, std::span<float>(host_sums));
+  device.read(largest, std::span<float>(host_largest));
+  device.read(first_bad, std::span<std::uint64_t>(host_bad));
+  TileScan scan;
+  scan.sums.assign(tile.rows(), 0.0);
+  for (std::size_t slot = 0; slot < slots; ++slot) {
+    const std::size_t image = slot / chunks;
+    for (std::size_t c = 0; c < tile.channels; ++c) {
+      const std::size_t at = (slot * tile.channels + c) * 2;
+      scan.sums[image * tile.channels + c] +=
+          static_cast<double>(host_sums[at]) + static_cast<double>(host_sums[at + 1]);
+    }
+    scan.largest = std::max(scan.largest, host_largest[slot]);
+    if (!scan.first_bad && host_bad[slot] != std::numeric_limits<std::uint64_t>::max()) {
+      scan.first_bad = image * tile.texels * tile.channels + host_bad[slot];
+    }
+  }
+  return scan;
+}
+
+std::size_t panel_elements(const Device& device, const TileShape& tile) {
+  return round_up(tile.texels, panel_width(device)) * tile.rows();
+}
+
+void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
+                  float scale, Buffer& panels, double* squares) {
+  const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device)), convert_panels);
+  Buffer partial(device, squares ? tile.images * blocks * sizeof(float) : sizeof(float),
+                 "sums of squares");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::convert_tile,
+                    fmt::format("{} {} -DPANELS={} -DSQUARES={}", tile_options(tile),
+                                vector_option(device), convert_panels, squares ? 1 : 0),
+                    "convert_tile");
+  set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, scale, panels, partial);
+  launch_items(device, kernel, blocks, tile.images);
+  if (!squares) return;
+  std::vector<float> host(tile.images * blocks);
+  device.read(partial, std::span<float>(host));
+  for (const float value : host) *squares += value;
+}
+
+ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
+                     const Buffer& decoded, float scale) {
+  const std::size_t chunks = ceil_div(tile.values(), value_chunk);
+  Buffer partial(device, chunks * 4 * sizeof(float), "partial errors");
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::error_sums,
+      fmt::format("{} -DCHUNK={}", value_options(tile.dtype, tile.nan_zero), value_chunk),
+      "error_sums");
+  set_arguments(kernel, raw, decoded, ulong(tile.values()), scale, partial);
+  launch_items(device, kernel, chunks);
+  std::vector<float> host(chunks * 4);
+  device.read(partial, std::span<float>(host));
+  ErrorSums sums;
+  sums.count = tile.values();
+  const double unscale = 1.0 / (static_cast<double>(scale) * static_cast<double>(scale));
+  for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+    const float* values = host.data() + chunk * 4;
+    sums.square_difference += unscale * static_cast<double>(values[0]);
+    sums.square_reference += unscale * static_cast<double>(values[1]);
+    // Written so that a NaN is kept.
+    const double difference = values[2];
+    if (!(sums.max_difference >= difference)) sums.max_difference = difference;
+    sums.max_reference = std::max(sums.max_reference, static_cast<double>(values[3]));
+  }
+  return sums;
+}
+
+void transcode_tile(Device& device, std::size_t count, const Buffer& in, Encoding from, Encoding to,
+                    DType dtype, Buffer& out) {
+  const int type = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::transcode_tile,
+                    fmt::format("-DFROM={} -DTO={} -DOUT={} -DCHUNK={}", static_cast<int>(from),
+                                static_cast<int>(to), type, value_chunk),
+                    "transcode_tile");
+  set_arguments(kernel, in, ulong(count), out);
+  launch_items(device, kernel, ceil_div(count, value_chunk));
+}
+
+}  // namespace weft::ops

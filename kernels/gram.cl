@@ -1,0 +1,86 @@
+// Inner products of two sets of column vectors, in double precision whatever the device offers:
+//
+//   G(i, j) = sum_p X(p, i) Z(p, j)        X: n x columns_x, Z: n x columns_z
+//
+// cut into chunks of rows, each of which leaves its partial sums; the host adds them in order:
+//
+//   partial: [chunk][columns_x][columns_z] of (high, low), G = sum over chunks of high + low
+//
+// Both sets are addressed as panels of NR columns (offsets in elements):
+//
+//   X(p, i) = X[(i / NR) x_panel + p x_row + i % NR]
+//
+//   packed panels [ceil(l / NR)][n][NR]:  panel = n NR, row = NR
+//   row-major n x ld:                     panel = NR,   row = ld
+//
+// Rows are padded to a whole panel: columns past the last are read, and their products dropped.
+// Work-item (chunk, block of 8 columns of Z).
+//
+// DOUBLE  1: products are summed in double; 0 (no fp64): error-free products and sums of float
+//         pairs (Dekker, Knuth), which keep about 44 bits.
+#include "vector_width.cl"
+
+#ifndef DOUBLE
+#define DOUBLE 0
+#endif
+
+#define FOR_ROWS(X) X(0) X(1) X(2) X(3)
+
+#if DOUBLE
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+typedef double2 pair_t;
+typedef double8 sum_t;
+#define LOAD(p) convert_double8(vload8(0, p))
+#define DECLARE(r) double8 s##r = 0, e##r = 0;
+#define ADD(r) s##r = fma((double8)((double)x[r]), z, s##r);
+#else
+typedef float2 pair_t;
+typedef float8 sum_t;
+#define LOAD(p) vload8(0, p)
+#define DECLARE(r) float8 s##r = 0, e##r = 0;
+// s + e += x z: the product's error by fma, the sum's by Knuth's two-sum. Contraction would lose it.
+#pragma OPENCL FP_CONTRACT OFF
+#define ADD(r)                                                        \
+  {                                                                   \
+    const float8 product = x[r] * z;                                  \
+    const float8 product_error = fma((float8)x[r], z, -product);      \
+    const float8 sum = s##r + product;                                \
+    const float8 part = sum - s##r;                                   \
+    e##r += (s##r - (sum - part)) + (product - part) + product_error; \
+    s##r = sum;                                                       \
+  }
+#endif
+
+void store_row(__global pair_t* out, sum_t high, sum_t low, uint columns) {
+  const pair_t pairs[8] = {
+      (pair_t)(high.s0, low.s0), (pair_t)(high.s1, low.s1), (pair_t)(high.s2, low.s2),
+      (pair_t)(high.s3, low.s3), (pair_t)(high.s4, low.s4), (pair_t)(high.s5, low.s5),
+      (pair_t)(high.s6, low.s6), (pair_t)(high.s7, low.s7)};
+  for (uint j = 0; j < columns; ++j) out[j] = pairs[j];
+}
+#define STORE(r) \
+  if (i + r < columns_x) store_row(out + (i + r) * columns_z, s##r, e##r, columns);
+
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void gram(ulong n, ulong chunk_rows, ulong columns_x, ulong columns_z,
+                   __global const float* restrict X, ulong x_panel, ulong x_row,
+                   __global const float* restrict Z, ulong z_panel, ulong z_row,
+                   __global pair_t* restrict partial) {
+  const ulong chunk = get_global_id(0);
+  const ulong j = get_global_id(1) * 8;
+  const ulong begin = chunk * chunk_rows;
+  const ulong end = min(begin + chunk_rows, n);
+  const uint columns = (uint)min((ulong)8, columns_z - j);
+  __global pair_t* out = partial + chunk * columns_x * columns_z + j;
+  __global const float* z_column = Z + (j / NR) * z_panel + j % NR;
+  for (ulong i = 0; i < columns_x; i += 4) {
+    __global const float* x = X + (i / NR) * x_panel + i % NR + begin * x_row;
+    __global const float* z_row_begin = z_column + begin * z_row;
+    FOR_ROWS(DECLARE)
+    for (ulong p = begin; p < end; ++p, x += x_row, z_row_begin += z_row) {
+      const sum_t z = LOAD(z_row_begin);
+      FOR_ROWS(ADD)
+    }
+    FOR_ROWS(STORE)
+  }
+}
