@@ -1,8 +1,9 @@
 # Writes one OpenCL C file as a C++ string: -DINPUT=file.cl -DOUTPUT=file.cpp -DSTEM=file
 #
 # A line `#include "other.cl"` is replaced by that file, between #line directives, so that a compile
-cmake_minimum_required(VERSION 3.25)
 # error names the file and the line that a person wrote.
+cmake_minimum_required(VERSION 3.25)
+
 get_filename_component(folder ${INPUT} DIRECTORY)
 file(READ ${INPUT} rest)
 set(text "#line 1 \"${STEM}.cl\"\n")

@@ -1,5 +1,7 @@
 #include "weft/ops/decode_pca.hpp"
 
+#include <fmt/core.h>
+
 #include "weft/ops/launch.hpp"
 
 namespace weft::ops {

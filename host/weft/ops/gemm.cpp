@@ -1,5 +1,7 @@
 #include "weft/ops/gemm.hpp"
 
+#include <fmt/core.h>
+
 #include <string>
 
 #include "weft/ops/launch.hpp"

@@ -1,5 +1,7 @@
 #include "weft/ops/gram.hpp"
 
+#include <fmt/core.h>
+
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
 

@@ -1,5 +1,7 @@
 #include "weft/ops/tile.hpp"
 
+#include <fmt/core.h>
+
 #include <cmath>
 #include <limits>
 
