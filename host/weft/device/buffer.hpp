@@ -22,8 +22,8 @@ class Buffer {
   // Read-only view of host memory, which must outlive it (CL_MEM_USE_HOST_PTR). Kernels read it
   // with vloadN only, since it may be unaligned.
   static Buffer wrap(Device& device, std::span<const std::byte> host, const char* what);
-  // Bytes [offset, offset + bytes) of another buffer as a buffer of their own (a sub-buffer); `whole`
-  // must outlive it, and the offset must be a multiple of limits().alignment.
+  // Bytes [offset, offset + bytes) of another buffer as a buffer of their own (a sub-buffer);
+  // `whole` must outlive it, and the offset must be a multiple of limits().alignment.
   static Buffer part(Device& device, const Buffer& whole, std::size_t offset, std::size_t bytes,
                      const char* what);
   ~Buffer();

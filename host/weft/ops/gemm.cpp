@@ -50,25 +50,32 @@ void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N,
   launch_items(device, kernel, ceil_div(N, panel_width(device)), ceil_div(K, pack_rows));
 }
 
+Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading, std::size_t offset) {
+  return {&buffer, offset, leading, panel_width(device)};
+}
+
+Result to_panels(const Device& device, Buffer& buffer, std::size_t rows) {
+  const std::size_t width = panel_width(device);
+  return {&buffer, 0, width, rows * width};
+}
+
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-                 const Operand& A, const Buffer& packed_b, float beta, Buffer& C,
-                 std::size_t c_leading, std::size_t c_offset) {
+                 const Operand& A, const Buffer& packed_b, float beta, const Result& C) {
   const std::size_t columns = macro_columns(device, M, N);
   const std::string options = fmt::format("{} -DA_TRANSPOSED={}", vector_option(device),
                                           A.row == 1 && A.column != 1 ? 1 : 0);
   const cl_kernel kernel = device.kernel(kernel_sources::gemm, options, "gemm");
   set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), alpha, *A.buffer,
-                ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel), packed_b, beta, C,
-                ulong(c_offset), ulong(c_leading), ulong(panel_width(device)));
+                ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel), packed_b, beta,
+                *C.buffer, ulong(C.offset), ulong(C.row), ulong(C.panel));
   launch_items(device, kernel, ceil_div(N, columns), ceil_div(M, macro_rows));
 }
 
 void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-          const Operand& A, const Operand& B, float beta, Buffer& C, std::size_t c_leading,
-          std::size_t c_offset) {
+          const Operand& A, const Operand& B, float beta, const Result& C) {
   Buffer packed(device, packed_elements(device, K, N) * sizeof(float), "packed matrix");
   pack_panels(device, B, K, N, packed);
-  gemm_packed(device, M, N, K, alpha, A, packed, beta, C, c_leading, c_offset);
+  gemm_packed(device, M, N, K, alpha, A, packed, beta, C);
 }
 
 }  // namespace weft::ops

@@ -24,21 +24,30 @@ Operand transposed(const Device& device, const Buffer& buffer, std::size_t leadi
                    std::size_t offset = 0);
 Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows);
 
+// Where a product is written: C(i, j) at offset + i row + (j / NR) panel + j % NR.
+struct Result {
+  Buffer* buffer = nullptr;
+  std::size_t offset = 0;
+  std::size_t row = 0;
+  std::size_t panel = 0;
+};
+Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading,
+                    std::size_t offset = 0);
+// Panels of which each holds `rows` rows; N is then taken as a whole number of panels.
+Result to_panels(const Device& device, Buffer& buffer, std::size_t rows);
+
 // Elements of a K x N matrix packed in panels.
 std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N);
 
 // Packs a K x N matrix (row-major or transposed operand) into `packed`.
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed);
 
-// C = alpha A B + beta C with packed B; C is row-major with a leading dimension of at least N.
-// Where beta is 0, C is not read. M, N, K of 0 are allowed: an empty sum is 0.
+// C = alpha A B + beta C with packed B. Where beta is 0, C is not read. K is at least 1.
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-                 const Operand& A, const Buffer& packed_b, float beta, Buffer& C,
-                 std::size_t c_leading, std::size_t c_offset = 0);
+                 const Operand& A, const Buffer& packed_b, float beta, const Result& C);
 
 // The same with B as it is; packs it into a temporary buffer.
 void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-          const Operand& A, const Operand& B, float beta, Buffer& C, std::size_t c_leading,
-          std::size_t c_offset = 0);
+          const Operand& A, const Operand& B, float beta, const Result& C);
 
 }  // namespace weft::ops

@@ -1,0 +1,84 @@
+#include "weft/ops/orthonormalise.hpp"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "weft/ops/gemm.hpp"
+#include "weft/ops/gram.hpp"
+#include "weft/ops/launch.hpp"
+#include "weft/reference/factorise.hpp"
+
+namespace weft::ops {
+namespace {
+
+// D V diag(lambda)^(-1/2), row-major count x count, and how many of its columns are not zero.
+std::pair<std::vector<float>, std::size_t> whitening(std::size_t count, std::vector<double> G) {
+  // unit columns
+  std::vector<double> scale(count, 0.0);
+  for (std::size_t j = 0; j < count; ++j) {
+    const double square = G[j * count + j];
+    if (square > 0) scale[j] = 1.0 / std::sqrt(square);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < count; ++j) G[i * count + j] *= scale[i] * scale[j];
+  }
+  // principal axes
+  const reference::SymmetricEigen eigen = reference::symmetric_eigen(count, G);
+  const double floor_ratio = static_cast<double>(count) * 0x1p-23;
+  const double floor = eigen.values[0] * floor_ratio * floor_ratio;
+  std::vector<float> T(count * count, 0.0f);
+  std::size_t rank = 0;
+  while (rank < count && eigen.values[rank] > floor) {
+    const double inverse = 1.0 / std::sqrt(eigen.values[rank]);
+    for (std::size_t j = 0; j < count; ++j) {
+      T[j * count + rank] =
+          static_cast<float>(scale[j] * eigen.vectors[j * count + rank] * inverse);
+    }
+    ++rank;
+  }
+  return {std::move(T), rank};
+}
+
+// Y <- Y T for packed Y.
+void transform(Device& device, std::size_t n, std::size_t count, const std::vector<float>& T,
+               Buffer& Y, Buffer& scratch) {
+  Buffer small(device, T.size() * sizeof(float), "basis change");
+  device.write(small, std::span<const float>(T));
+  const std::size_t padded = round_up(count, panel_width(device));
+  Buffer packed(device, packed_elements(device, count, padded) * sizeof(float), "basis change");
+  pack_panels(device, row_major(device, small, count), count, count, packed);
+  gemm_packed(device, n, padded, count, 1.0f, panelled(device, Y, n), packed, 0.0f,
+              to_panels(device, scratch, n));
+  std::swap(Y, scratch);
+}
+
+}  // namespace
+
+std::size_t orthonormalise(Device& device, std::size_t n, std::size_t count, Buffer& Y,
+                           Buffer& scratch) {
+  std::size_t rank = count;
+  for (int round = 0; round < 2; ++round) {
+    const Columns columns = packed_columns(device, Y, n, count);
+    auto [T, round_rank] = whitening(count, gram(device, n, columns, columns));
+    transform(device, n, count, T, Y, scratch);
+    rank = round_rank;
+  }
+  return rank;
+}
+
+void project_out(Device& device, std::size_t n, const Buffer& Q, std::size_t q_count, Buffer& Y,
+                 std::size_t count) {
+  const std::vector<double> C =
+      gram(device, n, packed_columns(device, Q, n, q_count), packed_columns(device, Y, n, count));
+  const std::vector<float> coefficients(C.begin(), C.end());
+  Buffer small(device, coefficients.size() * sizeof(float), "projection");
+  device.write(small, std::span<const float>(coefficients));
+  const std::size_t padded = round_up(count, panel_width(device));
+  Buffer packed(device, packed_elements(device, q_count, padded) * sizeof(float), "projection");
+  pack_panels(device, row_major(device, small, count), q_count, count, packed);
+  gemm_packed(device, n, padded, q_count, -1.0f, panelled(device, Q, n), packed, 1.0f,
+              to_panels(device, Y, n));
+}
+
+}  // namespace weft::ops

@@ -1,0 +1,29 @@
+// Orthonormal bases on the device, from inner products in double.
+#pragma once
+
+#include <cstddef>
+
+#include "weft/device/device.hpp"
+
+namespace weft::ops {
+
+// Replaces the `count` columns of Y, packed panels [ceil(count / NR)][n][NR], by an orthonormal
+// basis of their span, sorted by descending extent (the left singular vectors of Y scaled to unit
+// columns), and returns its dimension r; the columns after the r-th are zero.
+//
+//   G = D Y^T Y D,  D = diag(1 / |y_j|)      G = V diag(lambda) V^T
+//   Y <- Y D V diag(lambda)^(-1/2)
+//
+// twice, since the first round leaves the error of float times the condition number. Directions
+// with lambda below (count 2^-23)^2 of the largest are dropped: float columns do not hold them.
+// Zero columns are allowed, and so are columns of any magnitude whose squares fit in double.
+// `scratch` is as large as Y. Waits for the device.
+std::size_t orthonormalise(Device& device, std::size_t n, std::size_t count, Buffer& Y,
+                           Buffer& scratch);
+
+// Y <- Y - Q (Q^T Y): removes from Y (packed, count columns) its part in the span of the
+// orthonormal columns of Q (packed, q_count columns). The coefficients are summed in double.
+void project_out(Device& device, std::size_t n, const Buffer& Q, std::size_t q_count, Buffer& Y,
+                 std::size_t count);
+
+}  // namespace weft::ops

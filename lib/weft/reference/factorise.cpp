@@ -1,0 +1,49 @@
+#include "weft/reference/factorise.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+
+namespace weft::reference {
+namespace {
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+Eigen::Map<const RowMajor> view(std::size_t rows, std::size_t columns, std::span<const double> A) {
+  return {A.data(), static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns)};
+}
+
+std::vector<double> to_row_major(const Eigen::MatrixXd& matrix) {
+  std::vector<double> values(static_cast<std::size_t>(matrix.size()));
+  Eigen::Map<RowMajor>(values.data(), matrix.rows(), matrix.cols()) = matrix;
+  return values;
+}
+}  // namespace
+
+SymmetricEigen symmetric_eigen(std::size_t n, std::span<const double> A) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(view(n, n, A));
+  // Eigen's values ascend.
+  const Eigen::VectorXd values = solver.eigenvalues().reverse();
+  return {std::vector<double>(values.begin(), values.end()),
+          to_row_major(solver.eigenvectors().rowwise().reverse())};
+}
+
+ThinSvd thin_svd(std::size_t rows, std::size_t columns, std::span<const double> A) {
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(view(rows, columns, A),
+                                           Eigen::ComputeThinU | Eigen::ComputeThinV);
+  const Eigen::VectorXd& values = svd.singularValues();
+  return {to_row_major(svd.matrixU()), std::vector<double>(values.begin(), values.end()),
+          to_row_major(svd.matrixV())};
+}
+
+Orthonormal orthonormal_basis(std::size_t rows, std::size_t columns, std::span<const double> A,
+                              double tolerance) {
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;
+  qr.setThreshold(tolerance);
+  qr.compute(view(rows, columns, A));
+  const Eigen::Index rank = qr.maxPivot() > 0 ? qr.rank() : 0;
+  const Eigen::MatrixXd Q =
+      qr.householderQ() * Eigen::MatrixXd::Identity(static_cast<Eigen::Index>(rows), rank);
+  return {static_cast<std::size_t>(rank), to_row_major(Q)};
+}
+
+}  // namespace weft::reference
