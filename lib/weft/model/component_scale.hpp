@@ -1,6 +1,7 @@
-// F16 storage with a power of two per component, so that a component's largest magnitude lies in
-// [2^14, 2^15): value = half * scale. Every finite float magnitude from 1e-38 to 1e38 is served
-// alike.
+// F16 storage with a power of two per component, so that a component's largest half lies in
+// [2^14, 2^15): value = half * scale. Every finite float magnitude is served alike: scales end at
+// 2^-126, below which a half has room for all of float's subnormals (a subnormal scale might be
+// flushed to zero by a device), and at 2^113, beyond which values would pass float's range.
 #pragma once
 
 #include <cstddef>

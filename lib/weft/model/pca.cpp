@@ -1,0 +1,76 @@
+#include "weft/model/pca.hpp"
+
+#include "weft/model/component_scale.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t coefficients_axis = 1;  // of A [P, k]
+constexpr std::size_t basis_axis = 0;         // of B [k, V, L, C]
+
+std::vector<std::size_t> mean_shape(const BtfShape& shape) {
+  return {shape.views, shape.lights, shape.channels};
+}
+std::vector<std::size_t> coefficients_shape(const BtfShape& shape, std::size_t rank) {
+  return {shape.texels(), rank};
+}
+std::vector<std::size_t> basis_shape(const BtfShape& shape, std::size_t rank) {
+  return {rank, shape.views, shape.lights, shape.channels};
+}
+
+}  // namespace
+
+std::vector<ModelTensor> PcaModel::tensors() const {
+  const BtfShape& shape = info.btf.shape;
+  return {
+      {"mean", mean_shape(shape), DType::f32, std::as_bytes(std::span(mean))},
+      {"coefficients", coefficients_shape(shape, rank), DType::f32,
+       std::as_bytes(std::span(coefficients)), coefficients_axis},
+      {"basis", basis_shape(shape, rank), DType::f32, std::as_bytes(std::span(basis)), basis_axis}};
+}
+
+void PcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+                            std::span<double> out) const {
+  const BtfShape& shape = info.btf.shape;
+  const std::size_t image_channels = shape.images() * shape.channels;  // one row of B
+  const std::size_t first = (view * shape.lights + light) * shape.channels;
+  const float* a = coefficients.data() + (y * shape.width + x) * rank;
+  for (std::size_t c = 0; c < shape.channels; ++c) {
+    double value = mean[first + c];
+    for (std::size_t j = 0; j < rank; ++j) {
+      value += double{a[j]} * double{basis[j * image_channels + first + c]};
+    }
+    out[c] = value;
+  }
+}
+
+void PcaModel::round_to_storage() {
+  if (info.storage == Storage::f32) return;
+  const BtfShape& shape = info.btf.shape;
+  round_to_scaled_half(mean, component_layout(mean_shape(shape), ModelTensor::no_component_axis));
+  round_to_scaled_half(coefficients,
+                       component_layout(coefficients_shape(shape, rank), coefficients_axis));
+  round_to_scaled_half(basis, component_layout(basis_shape(shape, rank), basis_axis));
+}
+
+std::unique_ptr<PcaModel> PcaModel::read(const ModelFile& file) {
+  if (file.info().codec != "pca") {
+    file.reject("metadata \"codec\": \"" + file.info().codec + "\" instead of \"pca\"");
+  }
+  auto model = std::make_unique<PcaModel>();
+  model->info = file.info();
+  const BtfShape& shape = model->info.btf.shape;
+  // The rank is the width of A; everything else must fit it.
+  const std::vector<std::size_t>& found = file.shape_of("coefficients");
+  if (found.size() != 2) {
+    file.reject("tensor \"coefficients\": shape " + shape_text(found) + " instead of [P, k]");
+  }
+  model->rank = found[1];
+  model->mean = file.real_tensor("mean", mean_shape(shape), ModelTensor::no_component_axis);
+  model->coefficients =
+      file.real_tensor("coefficients", coefficients_shape(shape, model->rank), coefficients_axis);
+  model->basis = file.real_tensor("basis", basis_shape(shape, model->rank), basis_axis);
+  return model;
+}
+
+}  // namespace weft
