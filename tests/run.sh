@@ -9,7 +9,7 @@
 # time, WEFT_TEST_SECONDS (25 minutes unless given): one that could not end within it is left out, and
 # the summary says so.
 set -u
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/.." || exit 1
 
 quick=no
 [ "${1:-}" = --quick ] && quick=yes
