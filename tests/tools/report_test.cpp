@@ -65,6 +65,14 @@ TEST(Report, SectionsStayValidAsMoreAreAdded) {
   EXPECT_EQ(report.to_json().find(R"({"a":{"x":1},"b":{"i":0})"), 0U);
 }
 
+TEST(Report, ItemsAreAnArrayAndParagraphs) {
+  Report report;
+  report.item("files").add("file", "a");
+  report.item("files").add("file", "b").add("rank", 3);
+  EXPECT_EQ(report.to_json(), R"({"files":[{"file":"a"},{"file":"b","rank":3}]})");
+  EXPECT_EQ(report.to_text(), "file  a\n\nfile  b\nrank  3\n");
+}
+
 TEST(Format, BytesAndSeconds) {
   EXPECT_EQ(format_bytes(1023), "1023 bytes");
   EXPECT_EQ(format_bytes(1024), "1.0 KiB");

@@ -24,6 +24,7 @@
 namespace weft {
 
 // Each is defined in the file of its subcommand.
+void add_info(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
 
 namespace {
@@ -31,6 +32,7 @@ namespace {
 using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
+    add_info,
     add_devices,
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -98,6 +99,17 @@ Report& Report::section(std::string_view name) {
   return sections_.back();
 }
 
+Report& Report::item(std::string_view name) {
+  auto field = std::find_if(fields_.begin(), fields_.end(),
+                            [name](const Field& known) { return known.name == name; });
+  if (field == fields_.end()) {
+    fields_.emplace_back().name = name;
+    field = std::prev(fields_.end());
+  }
+  field->items.push_back(&sections_.emplace_back());
+  return sections_.back();
+}
+
 void Report::table(std::string_view name, std::vector<std::string> columns,
                    std::vector<std::vector<Cell>> rows) {
   Field field;
@@ -115,6 +127,11 @@ std::string Report::to_json() const {
     out += json_string(field.name) + ":";
     if (field.section) {
       out += field.section->to_json();
+    } else if (!field.items.empty()) {
+      for (std::size_t i = 0; i < field.items.size(); ++i) {
+        out += (i == 0 ? "[" : ",") + field.items[i]->to_json();
+      }
+      out += "]";
     } else if (field.is_table) {
       out += "[";
       for (std::size_t r = 0; r < field.rows.size(); ++r) {
@@ -142,13 +159,19 @@ std::string Report::to_text() const {
 void Report::append_text(std::string& out, std::size_t indent) const {
   std::size_t width = 0;
   for (const Field& field : fields_) {
-    if (!field.section && !field.is_table) width = std::max(width, display_width(field.name));
+    const bool is_value = !field.section && field.items.empty() && !field.is_table;
+    if (is_value) width = std::max(width, display_width(field.name));
   }
   const std::string margin(indent, ' ');
   for (const Field& field : fields_) {
     if (field.section) {
       out += margin + label(field.name) + "\n";
       field.section->append_text(out, indent + 2);
+    } else if (!field.items.empty()) {
+      for (const Report* item : field.items) {
+        if (!out.empty()) out += "\n";
+        item->append_text(out, indent);
+      }
     } else if (field.is_table) {
       // A column is as wide as its widest cell, its heading included.
       std::vector<std::size_t> widths;

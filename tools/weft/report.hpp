@@ -38,6 +38,11 @@ Cell json_cell(std::string_view json);
 
 class Report {
  public:
+  Report() = default;
+  // Fields point to their sections, which a move leaves where they are and a copy would not.
+  Report(Report&&) = default;
+  Report& operator=(Report&&) = default;
+
   Report& add(std::string_view name, Cell value);
   Report& add(std::string_view name, std::string_view value) { return add(name, text_cell(value)); }
   Report& add(std::string_view name, const char* value) { return add(name, text_cell(value)); }
@@ -53,6 +58,10 @@ class Report {
 
   // Fields under a heading: an object in JSON. The reference stays valid.
   Report& section(std::string_view name);
+
+  // One more object of an array in JSON; in the table the objects of `name` follow each other,
+  // without heading, after an empty line. The reference stays valid.
+  Report& item(std::string_view name);
 
   // Rows under a heading: an array of objects in JSON. Every row has as many cells as columns.
   void table(std::string_view name, std::vector<std::string> columns,
@@ -70,6 +79,7 @@ class Report {
     std::string name;
     Cell value;
     const Report* section = nullptr;
+    std::vector<const Report*> items;
     std::vector<std::string> columns;
     std::vector<std::vector<Cell>> rows;
     bool is_table = false;

@@ -1,0 +1,128 @@
+// weft info: what files hold, without reading their values.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "btf_report.hpp"
+#include "common.hpp"
+#include "report.hpp"
+#include "subcommand.hpp"
+#include "weft/btf/tile.hpp"
+#include "weft/error.hpp"
+#include "weft/io/raw_btf.hpp"
+#include "weft/io/safetensors.hpp"
+#include "weft/model/model_file.hpp"
+
+namespace weft {
+namespace {
+
+struct InfoOptions {
+  std::vector<std::string> files;
+  OutputOptions output;
+};
+
+void add_tensor_table(Report& report, const SafetensorsFile& file) {
+  std::vector<std::vector<Cell>> rows;
+  for (const TensorInfo& tensor : file.tensors()) {
+    std::string shape = "[";
+    for (const std::size_t size : tensor.shape) {
+      shape += fmt::format("{}{}", shape.size() > 1 ? "," : "", size);
+    }
+    rows.push_back({text_cell(tensor.name), text_cell(name_of(tensor.dtype)),
+                    json_cell(shape + "]"),
+                    Cell{format_bytes(tensor.bytes()), std::to_string(tensor.bytes()), true}});
+  }
+  report.table("tensors", {"tensor", "dtype", "shape", "bytes"}, std::move(rows));
+}
+
+void describe_model(Report& report, const std::filesystem::path& path) {
+  // Opening it verifies the container, the metadata and the checksum of every tensor.
+  const ModelFile model(path);
+  const ModelInfo& info = model.info();
+  report.add("kind", "model");
+  report.add("program_version", info.program_version);
+  report.add("codec", info.codec);
+  report.add("parameters", json_cell(info.parameters));
+  report.add("storage", info.storage == Storage::f16 ? "f16" : "f32");
+  report.add("selection", json_cell(info.selection));
+  report.add("colour_transform", info.colour_transform);
+  add_btf_fields(report, info.btf);
+  report.add("raw_size", bytes_cell(info.btf.bytes()));
+  report.add("file_size", bytes_cell(model.size()));
+  report.add("ratio", static_cast<double>(info.btf.bytes()) / static_cast<double>(model.size()));
+  report.add("checksums", "verified");
+  if (info.errors) add_error_fields(report.section("errors"), *info.errors);
+  add_tensor_table(report, model.file());
+}
+
+void describe_raw(Report& report, const std::filesystem::path& path) {
+  const std::shared_ptr<TileSource> source = open_raw_btf(path);
+  report.add("kind", "raw BTF");
+  add_btf_fields(report, source->info());
+  report.add("raw_size", bytes_cell(source->info().bytes()));
+  report.add("file_size", bytes_cell(std::filesystem::file_size(path)));
+  if (SafetensorsFile::looks_like(path)) add_tensor_table(report, SafetensorsFile(path));
+}
+
+void run_info(const InfoOptions& options) {
+  Report report;
+  std::size_t bad = 0;
+  std::string first_error;
+  for (const std::string& name : options.files) {
+    const std::filesystem::path path(name);
+    Report description;
+    description.add("file", name);
+    try {
+      if (ModelFile::looks_like(path)) {
+        describe_model(description, path);
+      } else {
+        describe_raw(description, path);
+      }
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::input) throw;
+      if (bad++ == 0) first_error = error.what();
+      description = Report();
+      description.add("file", name).add("error", error.what());
+    }
+    report.item("files") = std::move(description);
+  }
+  if (bad == 0) {
+    report.print(options.output);
+    return;
+  }
+  // One bad file among several hides nothing about the others.
+  if (options.files.size() > 1) report.print(options.output);
+  if (bad == 1) fail_input("{}", first_error);
+  fail_input("{} of {} files are not valid; the first: {}", bad, options.files.size(), first_error);
+}
+
+}  // namespace
+
+void add_info(CLI::App& program, Action& action) {
+  auto options = std::make_shared<InfoOptions>();
+  CLI::App* command = program.add_subcommand(
+      "info", "Say what raw BTFs and models hold: sizes, directions, codec, ratio, errors");
+  command
+      ->add_option("FILE", options->files,
+                   "Raw BTFs (.safetensors, or .npy with a .json beside it) and models (.weft)")
+      ->required()
+      ->type_name("");
+  add_output_options(*command, options->output);
+  command->footer(
+      "The header of every file and the checksums of models are verified; the values of raw BTFs "
+      "are\n"
+      "not read. Exit status 2 if a file is not valid.\n"
+      "\n"
+      "Examples:\n"
+      "  weft info cloth.safetensors\n"
+      "  weft info cloth.weft other.weft\n"
+      "  weft info --json cloth.weft");
+  command->callback([options, &action] { action = [options] { run_info(*options); }; });
+}
+
+}  // namespace weft
