@@ -64,7 +64,8 @@ MappedFile& MappedFile::operator=(MappedFile&& other) noexcept {
 
 void MappedFile::release(std::size_t offset, std::size_t length) const {
   const std::size_t page = page_size();
-  const std::size_t end = offset + std::min(length, size_ - std::min(offset, size_));
+  offset = std::min(offset, size_);
+  const std::size_t end = offset + std::min(length, size_ - offset);
   const std::size_t first = (offset + page - 1) / page * page;
   // The page that holds the end of the file is whole.
   const std::size_t last = end == size_ ? (end + page - 1) / page * page : end / page * page;
@@ -76,7 +77,8 @@ void MappedFile::release(std::size_t offset, std::size_t length) const {
 
 void MappedFile::prefetch(std::size_t offset, std::size_t length) const {
   const std::size_t page = page_size();
-  const std::size_t end = offset + std::min(length, size_ - std::min(offset, size_));
+  offset = std::min(offset, size_);
+  const std::size_t end = offset + std::min(length, size_ - offset);
   const std::size_t first = offset / page * page;
   if (first < end) {
     ::madvise(const_cast<std::byte*>(data_) + first, end - first, MADV_WILLNEED);

@@ -119,9 +119,11 @@ class HeaderEvents final : public json::json_sax_t {
   }
 
   bool number_integer(json::number_integer_t value) override {
+    if (!in_list_) unexpected("a number");
     fail_input("{}: {}: negative number {}", where_, place(), value);
   }
   bool number_float(json::number_float_t, const std::string& text) override {
+    if (!in_list_) unexpected("a number");
     fail_input("{}: {}: {} is not an integer of 64 bits", where_, place(), shown(text));
   }
   bool null() override { unexpected("null"); }
@@ -136,14 +138,14 @@ class HeaderEvents final : public json::json_sax_t {
   enum class Level { outside, header };
 
   std::string place() const {
-    if (in_metadata_) return fmt::format("metadata \"{}\"", shown(field_));
+    if (in_metadata_ && in_object_) return fmt::format("metadata \"{}\"", shown(field_));
     if (name_.empty() && !in_object_) return "header";
     if (field_.empty()) return fmt::format("tensor \"{}\"", shown(name_));
     return fmt::format("tensor \"{}\", field \"{}\"", shown(name_), shown(field_));
   }
 
   [[noreturn]] void unexpected(std::string_view what) const {
-    if (in_metadata_) {
+    if (in_metadata_ && in_object_) {
       fail_input("{}: {}: {} where only strings are allowed", where_, place(), what);
     }
     fail_input("{}: {}: {} where none belongs", where_, place(), what);
