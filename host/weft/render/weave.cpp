@@ -1,0 +1,220 @@
+#include "weft/render/weave.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "weft/error.hpp"
+
+namespace weft {
+namespace {
+
+// Lights of a work-item of weave_shade, one per lane.
+constexpr std::size_t lanes = 8;
+constexpr std::size_t values_per_light = 6;
+constexpr std::size_t values_per_lobe = 8;
+
+Vector3 unit(const Direction& d) {
+  return normalized({d[0], d[1], d[2]});
+}
+
+float narrow(double value) {
+  return static_cast<float>(value);
+}
+
+std::size_t round_up(std::size_t count, std::size_t multiple) {
+  return (count + multiple - 1) / multiple * multiple;
+}
+
+// Work-items differ in length, so a CPU device gets small groups to balance; a GPU full ones.
+std::size_t group_size(const Device& device) {
+  const std::size_t wanted = device.limits().is_cpu ? 16 : 64;
+  return std::min(wanted, device.limits().max_work_group);
+}
+
+std::string build_options(DType dtype) {
+  const int output = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;
+  return "-DOUTPUT=" + std::to_string(output) +
+         " -DVIEW_BISECTIONS=" + std::to_string(view_bisections);
+}
+
+// How a render is cut: runs of lights of one view, and bands of texels within them.
+struct Cut {
+  std::size_t lights = 1;  // images in a run
+  std::size_t texels = 1;  // in a band
+};
+
+Cut plan(const Device& device, const BtfInfo& info, const WeaveRenderOptions& options) {
+  const BtfShape& shape = info.shape;
+  Cut cut;
+  cut.lights = std::clamp<std::size_t>(options.tile_bytes / info.image_bytes(), 1, shape.lights);
+  // Whole chunks of lights waste no lanes.
+  if (cut.lights < shape.lights && cut.lights > lanes) cut.lights -= cut.lights % lanes;
+  const std::size_t allocation = device.limits().largest_allocation;
+  const std::size_t hit_bytes = options.samples * weave_hit_bytes;
+  const std::size_t out_bytes = cut.lights * 3 * size_of(info.dtype);
+  if (hit_bytes > allocation || out_bytes > allocation) {
+    fail_input("weave: {} samples of a texel under {} lights need {} bytes at once, but device {} "
+               "allocates at most {}",
+               options.samples, cut.lights, std::max(hit_bytes, out_bytes), device.limits().name,
+               allocation);
+  }
+  const std::size_t tile = std::clamp<std::size_t>(options.tile_bytes, 1, allocation);
+  cut.texels = std::clamp<std::size_t>(
+      std::min(tile / hit_bytes, allocation / out_bytes), 1, shape.texels());
+  return cut;
+}
+
+}  // namespace
+
+DeviceSurface::DeviceSurface(Device& device, const Surface& surface) {
+  static_assert(sizeof(SurfaceSample) == 4 * sizeof(float), "read as float4");
+  static_assert(sizeof(SurfaceColor) == 4 * sizeof(float), "read as float4");
+  elevation_ = Buffer(device, surface.elevation.size() * sizeof(float), "elevations");
+  shape_ = Buffer(device, surface.samples.size() * sizeof(SurfaceSample), "normals and fibres");
+  color_ = Buffer(device, surface.colors.size() * sizeof(SurfaceColor), "colours");
+  device.write(elevation_, std::span<const float>(surface.elevation));
+  device.write(shape_, std::span<const SurfaceSample>(surface.samples));
+  device.write(color_, std::span<const SurfaceColor>(surface.colors));
+  std::vector<float> lobes;
+  for (const GlossyLobe& lobe : surface.lobes) {
+    lobes.insert(lobes.end(), {lobe.f0[0], lobe.f0[1], lobe.f0[2], lobe.f90, lobe.alpha_along,
+                               lobe.alpha_across, 0, 0});
+  }
+  lobes_ = Buffer(device, lobes.size() * sizeof(float), "lobes");
+  device.write(lobes_, std::span<const float>(lobes));
+}
+
+void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
+                       const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
+                       TexelBand band, Buffer& hits) {
+  const ViewMarch march = march_of_view(surface, info.view_directions[view]);
+  const BtfShape& shape = info.shape;
+  const double columns_per_texel =
+      static_cast<double>(surface.columns) / static_cast<double>(shape.width);
+  const double rows_per_texel =
+      static_cast<double>(surface.rows) / static_cast<double>(shape.height);
+  cl_kernel kernel =
+      device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_hits");
+  set_arguments(kernel, tables.elevation(), tables.shape(), tables.color(),
+                static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
+                static_cast<cl_ulong>(shape.width), static_cast<cl_ulong>(shape.height),
+                narrow(columns_per_texel), narrow(rows_per_texel),
+                static_cast<cl_ulong>(band.first), static_cast<cl_ulong>(band.count),
+                static_cast<cl_uint>(options.samples), view_key(options.seed, view),
+                narrow(march.start_x), narrow(march.start_y), narrow(march.start_z),
+                narrow(march.step_x), narrow(march.step_y), narrow(march.step_z),
+                static_cast<cl_uint>(march.steps), hits);
+  const std::array<std::size_t, 1> local = {group_size(device)};
+  const std::array<std::size_t, 1> global = {round_up(band.count * options.samples, local[0])};
+  device.launch(kernel, global, local);
+}
+
+std::vector<float> pack_weave_lights(const Surface& surface, const BtfInfo& info, std::size_t first,
+                                     std::size_t count) {
+  const std::size_t chunks = (count + lanes - 1) / lanes;
+  std::vector<float> packed(chunks * values_per_light * lanes);
+  for (std::size_t i = 0; i < chunks * lanes; ++i) {
+    // Lanes left over repeat the last light; what they yield is not stored.
+    const Direction& direction = info.light_directions[first + std::min(i, count - 1)];
+    const Vector3 light = unit(direction);
+    const LightMarch march = march_of_light(surface, direction);
+    const std::array<double, values_per_light> values = {light[0],     light[1],     light[2],
+                                                         march.step_x, march.step_y, march.step_z};
+    for (std::size_t k = 0; k < values_per_light; ++k) {
+      packed[(i / lanes * values_per_light + k) * lanes + i % lanes] = narrow(values[k]);
+    }
+  }
+  return packed;
+}
+
+void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
+                        const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
+                        TexelBand band, const Buffer& hits, const Buffer& lights,
+                        std::size_t light_count, Buffer& out) {
+  const Vector3 to_view = unit(info.view_directions[view]);
+  cl_kernel kernel =
+      device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_shade");
+  set_arguments(kernel, tables.elevation(), static_cast<cl_uint>(surface.columns),
+                static_cast<cl_uint>(surface.rows), surface.highest, narrow(shadow_bias(surface)),
+                hits, tables.lobes(), lights, static_cast<cl_ulong>(light_count),
+                narrow(to_view[0]), narrow(to_view[1]), narrow(to_view[2]),
+                static_cast<cl_ulong>(band.count), static_cast<cl_uint>(options.samples), out);
+  const std::array<std::size_t, 2> local = {group_size(device), 1};
+  const std::array<std::size_t, 2> global = {round_up(band.count, local[0]),
+                                             (light_count + lanes - 1) / lanes};
+  device.launch(kernel, global, local);
+}
+
+void render_weave(Device& device, const Surface& surface, const WeaveRenderOptions& options,
+                  TileSink& sink) {
+  const BtfInfo& info = sink.info();
+  validate(surface, info, options);
+  const BtfShape& shape = info.shape;
+  const Cut cut = plan(device, info, options);
+  const std::size_t texel_bytes = 3 * size_of(info.dtype);
+
+  const DeviceSurface tables(device, surface);
+  Buffer hits(device, cut.texels * options.samples * weave_hit_bytes, "view rays' hits");
+  Buffer out(device, cut.lights * cut.texels * texel_bytes, "rendered texels");
+  Buffer lights(device, round_up(cut.lights, lanes) * values_per_light * sizeof(float), "lights");
+
+  std::vector<std::byte> done(cut.lights * info.image_bytes()), next(done.size());
+  std::vector<std::byte> band_values(cut.lights * cut.texels * texel_bytes);
+  std::size_t done_first = 0, done_count = 0;
+  std::size_t packed_first = shape.lights;  // none yet
+  std::size_t packed_count = 0;
+
+  const auto write_done = [&] {
+    if (done_count == 0) return;
+    sink.write(done_first, done_count,
+               std::span<const std::byte>(done).first(done_count * info.image_bytes()));
+    if (options.progress) options.progress(done_first + done_count);
+    done_count = 0;
+  };
+
+  for (std::size_t view = 0; view < shape.views; ++view) {
+    TexelBand traced;
+    for (std::size_t first = 0; first < shape.lights; first += cut.lights) {
+      const std::size_t count = std::min(cut.lights, shape.lights - first);
+      if (packed_first != first || packed_count != count) {
+        const std::vector<float> packed = pack_weave_lights(surface, info, first, count);
+        device.write(lights, std::span<const float>(packed));
+        packed_first = first;
+        packed_count = count;
+      }
+      for (std::size_t texel = 0; texel < shape.texels(); texel += cut.texels) {
+        check_interrupt();
+        const TexelBand band{texel, std::min(cut.texels, shape.texels() - texel)};
+        if (traced.first != band.first || traced.count != band.count) {
+          launch_weave_hits(device, surface, tables, info, options, view, band, hits);
+          traced = band;
+        }
+        launch_weave_shade(device, surface, tables, info, options, view, band, hits, lights, count,
+                           out);
+        device.flush();
+        // While the device works, the run before is written.
+        write_done();
+        // Put the band into its place in every image.
+        const std::size_t bytes = band.count * texel_bytes;
+        const std::span<std::byte> values = std::span(band_values).first(count * bytes);
+        device.read(out, 0, values);
+        for (std::size_t i = 0; i < count; ++i) {
+          std::memcpy(&next[i * info.image_bytes() + texel * texel_bytes], &values[i * bytes], bytes);
+        }
+      }
+      std::swap(done, next);
+      done_first = view * shape.lights + first;
+      done_count = count;
+    }
+  }
+  device.finish();
+  write_done();
+  sink.finish();
+}
+
+}  // namespace weft

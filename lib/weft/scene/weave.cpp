@@ -1,0 +1,285 @@
+#include "weft/scene/weave.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "weft/error.hpp"
+#include "weft/scene/noise.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t most_yarns = 4096;
+constexpr std::size_t most_crossings_of_a_period = 64;
+
+// Fibres across one ply.
+constexpr std::int64_t fibres_per_ply = 4;
+// Cells of the fibre noise along a yarn, per spacing: fibres are long.
+constexpr double fibre_cells_per_spacing = 1.5;
+
+// What a yarn shows at a place: the elevation decides who is seen.
+struct YarnPoint {
+  bool hit = false;
+  double elevation = 0;
+  double slope = 0;  // sideways change of position along the fibres, per length
+  double shade = 1;  // factor of the yarn's colour
+};
+
+// One yarn: its crossings and its own irregularities. Coordinates are s along it and u sideways,
+// from -1 to 1 over its width.
+class YarnPath {
+ public:
+  // `on_top(k)` at crossing k, of `crossings` in one tile.
+  template <typename OnTop>
+  YarnPath(const Yarn& yarn, const WeaveCloth& cloth, std::size_t crossings, std::uint64_t key,
+           const OnTop& on_top)
+      : yarn_(yarn),
+        key_(hash(key)),
+        length_(static_cast<double>(crossings)),
+        wander_(cloth.wander),
+        spread_(cloth.color_spread) {
+    for (std::size_t k = 0; k < crossings; ++k) tops_.push_back(on_top(k));
+    // A whole number of plies passes over the tile, so that the twist meets itself.
+    passes_ = static_cast<std::int64_t>(std::llround(yarn.twists * length_));
+    phase_ = hash_unit(key_ + 1);
+    shade_ = 1 + spread_ * (2 * hash_unit(key_ + 2) - 1);
+    size_ = 1 + 0.06 * (2 * hash_unit(key_ + 3) - 1);
+  }
+
+  // Sideways position of the centre line, relative to the middle of the yarn's place.
+  double sideways(double s) const { return wander_ * noise_along(s, 0.5, key_ + 4); }
+
+  YarnPoint at(double s, double offset) const {
+    YarnPoint point;
+    const double u = (offset - sideways(s)) / (0.5 * yarn_.width * size_);
+    if (std::abs(u) >= 1) return point;
+    point.hit = true;
+
+    // Strands: the angle round the section and the twist along it number the plies.
+    const double angle = std::asin(u);
+    const auto plies = static_cast<double>(yarn_.plies);
+    const double turns = static_cast<double>(passes_) / length_;
+    const double ply = plies * (angle / std::numbers::pi + 0.5) + turns * s + phase_;
+    const double across = 2 * (ply - std::floor(ply)) - 1;  // -1..1 within a ply
+    const double round = std::sqrt(std::max(0.0, 1 - across * across));
+    const std::int64_t fibre_period = fibres_per_ply * std::max<std::int64_t>(1, std::abs(passes_));
+    const double cells = cells_along(fibre_cells_per_spacing);
+    const double fibre = value_noise(static_cast<double>(fibres_per_ply) * ply, s * cells / length_,
+                                     fibre_period, static_cast<std::int64_t>(cells), key_ + 5);
+
+    const double section = std::sqrt(1 - u * u);
+    // Relief fades towards the edge of the section, where it would stand sideways.
+    point.elevation = centre(s) + 0.5 * yarn_.thickness * section +
+                      section * (yarn_.ply_relief * (round - 1) + yarn_.fibre_relief * fibre);
+    // Along a fibre `ply` is constant: plies d(angle)/pi + turns ds = 0.
+    point.slope = -section * 0.5 * yarn_.width * std::numbers::pi * turns / plies;
+    const double along = noise_along(s, 0.75, key_ + 6);
+    point.shade =
+        shade_ * (1 + 0.5 * spread_ * along + 1.5 * spread_ * fibre) * (0.75 + 0.25 * round);
+    return point;
+  }
+
+ private:
+  // Smooth noise along the yarn, of about so many cells per spacing; it meets itself.
+  double noise_along(double s, double density, std::uint64_t key) const {
+    const double cells = cells_along(density);
+    return value_noise(s * cells / length_, static_cast<std::int64_t>(cells), key);
+  }
+  double cells_along(double density) const { return std::max(1.0, std::round(density * length_)); }
+
+  bool top(std::int64_t k) const {
+    const auto n = static_cast<std::int64_t>(tops_.size());
+    return tops_[static_cast<std::size_t>((k % n + n) % n)];
+  }
+
+  // Elevation of the centre line.
+  double centre(double s) const {
+    // Crossing k lies at s = k + 1/2; a smooth step leads from one to the next.
+    const double place = s - 0.5;
+    const auto k = static_cast<std::int64_t>(std::floor(place));
+    const double f = place - std::floor(place);
+    const double from = top(k) ? 1 : -1, to = top(k + 1) ? 1 : -1;
+    double z = yarn_.crimp * (from + (to - from) * 0.5 * (1 - std::cos(std::numbers::pi * f)));
+
+    // Floats bulge: a parabola over the run of crossings on top.
+    const auto here = static_cast<std::int64_t>(std::floor(s));
+    if (top(here)) {
+      const auto limit = static_cast<std::int64_t>(tops_.size());
+      std::int64_t first = here, last = here;
+      while (here - first < limit && top(first - 1)) --first;
+      while (last - here < limit && top(last + 1)) ++last;
+      const double middle = 0.5 * static_cast<double>(first + last + 1);
+      const double half = 0.5 * static_cast<double>(last - first + 1);
+      const double t = (s - middle) / half;
+      z += yarn_.float_arch * std::max(0.0, 1 - t * t);
+    }
+    return z;
+  }
+
+  const Yarn& yarn_;
+  std::uint64_t key_;
+  double length_;
+  double wander_, spread_;
+  std::vector<bool> tops_;
+  std::int64_t passes_ = 0;
+  double phase_ = 0, shade_ = 1, size_ = 1;
+};
+
+std::array<float, 3> shaded(const std::array<float, 3>& color, double shade) {
+  std::array<float, 3> result;
+  for (std::size_t i = 0; i < 3; ++i) {
+    result[i] = static_cast<float>(std::clamp(color[i] * shade, 0.0, 1.0));
+  }
+  return result;
+}
+
+// Yarns whose place is within half a spacing of a coordinate: the one there and its nearer
+// neighbour.
+std::array<std::size_t, 2> nearest_yarns(double x, std::size_t count) {
+  const auto here = std::min(static_cast<std::size_t>(x), count - 1);
+  const bool upper = x - static_cast<double>(here) > 0.5;
+  return {here, upper ? (here + 1) % count : (here + count - 1) % count};
+}
+
+// Offset of x from the middle of yarn `index`, the short way round the tile.
+double offset_from(double x, std::size_t index, std::size_t count) {
+  const auto length = static_cast<double>(count);
+  const double offset = x - (static_cast<double>(index) + 0.5);
+  return offset - length * std::round(offset / length);
+}
+
+void check_number(double value, double low, double high, const std::string& field) {
+  if (!(value >= low && value <= high)) {
+    fail_input("weave: {} is {}, outside [{}, {}]", field, value, low, high);
+  }
+}
+
+void check_color(const std::array<float, 3>& color, const std::string& field) {
+  for (const float value : color) check_number(value, 0, 1, field);
+}
+
+void check_yarn(const Yarn& yarn, const std::string& set) {
+  check_color(yarn.color, set + ".color");
+  check_number(yarn.width, 0.05, 1.9, set + ".width");
+  check_number(yarn.thickness, 0, 4, set + ".thickness");
+  check_number(yarn.crimp, 0, 4, set + ".crimp");
+  check_number(yarn.float_arch, 0, 4, set + ".float_arch");
+  check_number(static_cast<double>(yarn.plies), 1, 64, set + ".plies");
+  check_number(yarn.twists, -64, 64, set + ".twists");
+  check_number(yarn.ply_relief, 0, 1, set + ".ply_relief");
+  check_number(yarn.fibre_relief, 0, 1, set + ".fibre_relief");
+}
+
+void check_count(std::size_t count, const WeavePattern& pattern, const char* field) {
+  if (count < 1 || count > most_yarns || count % pattern.period() != 0) {
+    fail_input("weave: {} is {}, not a multiple of the pattern's period {} up to {}", field, count,
+               pattern.period(), most_yarns);
+  }
+}
+
+// The multiple of `period`, at least one, that is nearest to `count`.
+std::size_t nearest_multiple(double count, std::size_t period) {
+  const double multiples = std::round(count / static_cast<double>(period));
+  return period * static_cast<std::size_t>(std::clamp(multiples, 1.0, 64.0));
+}
+
+}  // namespace
+
+WeaveCloth standard_cloth(std::size_t width, std::size_t height) {
+  WeaveCloth cloth;
+  cloth.warp.color = {0.035f, 0.085f, 0.26f};
+  cloth.warp.gloss = {{0.055f, 0.06f, 0.075f}, 1.0f, 0.22f, 0.42f};
+  cloth.weft.color = {0.62f, 0.53f, 0.38f};
+  cloth.weft.gloss = {{0.035f, 0.035f, 0.035f}, 0.7f, 0.42f, 0.6f};
+  cloth.weft.twists = -0.5;
+  const double shorter = static_cast<double>(std::min(width, height));
+  const double yarns_per_texel = 12.0 / shorter;
+  cloth.warp_count =
+      nearest_multiple(yarns_per_texel * static_cast<double>(width), cloth.pattern.period());
+  cloth.weft_count =
+      nearest_multiple(yarns_per_texel * static_cast<double>(height), cloth.pattern.period());
+  return cloth;
+}
+
+std::size_t surface_resolution(std::size_t texels) {
+  return std::bit_ceil(std::clamp<std::size_t>(texels, 64, 512) * 4);
+}
+
+void validate(const WeaveCloth& cloth) {
+  const WeavePattern& pattern = cloth.pattern;
+  if (pattern.over < 1 || pattern.under < 1 || pattern.over > most_crossings_of_a_period ||
+      pattern.under > most_crossings_of_a_period) {
+    fail_input("weave: pattern {}/{} is not over and under 1 to {} crossings", pattern.over,
+               pattern.under, most_crossings_of_a_period);
+  }
+  if (pattern.step >= pattern.period()) {
+    fail_input("weave: pattern.step is {}, not below the period {}", pattern.step,
+               pattern.period());
+  }
+  check_yarn(cloth.warp, "warp");
+  check_yarn(cloth.weft, "weft");
+  check_color(cloth.backing, "backing");
+  check_count(cloth.warp_count, pattern, "warp_count");
+  check_count(cloth.weft_count, pattern, "weft_count");
+  check_number(cloth.wander, 0, 0.25, "wander");
+  check_number(cloth.color_spread, 0, 0.5, "color_spread");
+}
+
+Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t rows) {
+  validate(cloth);
+  const auto width = static_cast<double>(cloth.warp_count);
+  const auto depth = static_cast<double>(cloth.weft_count);
+  Surface surface = make_flat_surface(columns, rows, width, depth);
+  surface.lobes = {cloth.warp.gloss, cloth.weft.gloss, GlossyLobe{}};
+
+  const WeavePattern& pattern = cloth.pattern;
+  const std::uint64_t key = hash(cloth.seed);
+  std::vector<YarnPath> warps, wefts;
+  for (std::size_t i = 0; i < cloth.warp_count; ++i) {
+    warps.emplace_back(cloth.warp, cloth, cloth.weft_count, key + hash(2 * i),
+                       [&](std::size_t j) { return pattern.warp_on_top(i, j); });
+  }
+  for (std::size_t j = 0; j < cloth.weft_count; ++j) {
+    wefts.emplace_back(cloth.weft, cloth, cloth.warp_count, key + hash(2 * j + 1),
+                       [&](std::size_t i) { return !pattern.warp_on_top(i, j); });
+  }
+
+  // Backing lies where the lower yarns have their centre lines.
+  const double backing = -std::max(cloth.warp.crimp, cloth.weft.crimp);
+  for (std::size_t r = 0; r < rows; ++r) {
+    const double y = (static_cast<double>(r)) * depth / static_cast<double>(rows);
+    for (std::size_t c = 0; c < columns; ++c) {
+      const double x = (static_cast<double>(c)) * width / static_cast<double>(columns);
+      const std::size_t index = r * columns + c;
+      double top = backing;
+      SurfaceSample& sample = surface.samples[index];
+      SurfaceColor& color = surface.colors[index];
+      color = {cloth.backing, 2};
+      const auto show = [&](const YarnPoint& point, const Yarn& yarn, bool warp) {
+        if (!point.hit || point.elevation <= top) return;
+        top = point.elevation;
+        const double length = std::sqrt(1 + point.slope * point.slope);
+        const auto along = static_cast<float>(1 / length);
+        const auto aside = static_cast<float>(point.slope / length);
+        sample.fibre_x = warp ? aside : along;
+        sample.fibre_y = warp ? along : aside;
+        color = {shaded(yarn.color, point.shade), warp ? 0.0f : 1.0f};
+      };
+      for (const std::size_t i : nearest_yarns(x, cloth.warp_count)) {
+        show(warps[i].at(y, offset_from(x, i, cloth.warp_count)), cloth.warp, true);
+      }
+      for (const std::size_t j : nearest_yarns(y, cloth.weft_count)) {
+        show(wefts[j].at(x, offset_from(y, j, cloth.weft_count)), cloth.weft, false);
+      }
+      surface.elevation[index] = static_cast<float>(top);
+    }
+  }
+  finish_surface(surface);
+  return surface;
+}
+
+}  // namespace weft

@@ -1,0 +1,80 @@
+// Woven cloth as a periodic height field: two sets of arched, twisted yarns of elliptical section.
+//
+// Lengths are in spacings of the yarns. Warp yarn i runs along y at x = i + 1/2, weft yarn j along
+// x at y = j + 1/2. Over the length s of a yarn its centre line rises by `crimp` where it lies on
+// top and sinks by as much where it passes under, with a smooth step half-way between two
+// crossings; a float, a run of crossings on top, bulges by `float_arch` more in its middle.
+//
+//   elevation(s, u) = centre(s) + thickness/2 sqrt(1 - u^2) + ply relief,   u = offset / (width/2)
+//
+//        weft ____   ____   ____ weft            section across the warp:
+//            /    \ /    \ /    \                   .-~~-.      o warp yarns, cut
+//        ___/  o   X  o   X  o   \___             (   o    )    ~ the upper half is seen
+//
+// The surface is the highest of all yarns and of a backing below them. Yarns differ a little from
+// each other, and wander; all of it repeats with the tile.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "weft/scene/surface.hpp"
+
+namespace weft {
+
+// The interlacing: warp yarn i is on top of weft yarn j where (j + step i) mod (over + under) <
+// over. Plain weave 1/1 step 1; twill 2/2 or 3/1 step 1; satin 4/1 step 2.
+struct WeavePattern {
+  std::size_t over = 2;
+  std::size_t under = 2;
+  std::size_t step = 1;
+
+  std::size_t period() const { return over + under; }
+  bool warp_on_top(std::size_t warp, std::size_t weft) const {
+    return (weft + step * warp) % period() < over;
+  }
+};
+
+// One set of yarns.
+struct Yarn {
+  std::array<float, 3> color{0.5f, 0.5f, 0.5f};  // diffuse albedo, linear light
+  GlossyLobe gloss;
+  double width = 0.94;      // of the section, in spacings
+  double thickness = 0.44;  // of the section
+  double crimp = 0.17;      // of the centre line, up and down
+  double float_arch = 0.05;
+  std::size_t plies = 3;  // twisted strands seen side by side; at least 1
+  double twists = 0.55;   // plies that pass per spacing of length; negative twists the other way
+  double ply_relief = 0.035;    // depth of the grooves between plies
+  double fibre_relief = 0.008;  // height of single fibres
+};
+
+struct WeaveCloth {
+  WeavePattern pattern;
+  Yarn warp, weft;
+  std::array<float, 3> backing{0.02f, 0.02f, 0.02f};  // albedo of what shows through gaps
+  // Yarns of one tile; multiples of the pattern's period.
+  std::size_t warp_count = 12;
+  std::size_t weft_count = 12;
+  double wander = 0.035;       // sideways, in spacings
+  double color_spread = 0.08;  // relative, from yarn to yarn and along a yarn
+  std::uint64_t seed = 1;      // of the irregularities
+};
+
+// The cloth of `weft synth`: a 2/2 twill of lustrous blue warp and matt ivory weft. The tile has
+// about 12 yarns along its shorter side, and the aspect ratio of width : height as nearly as whole
+// periods of the pattern allow.
+WeaveCloth standard_cloth(std::size_t width, std::size_t height);
+
+// Samples of a surface along a side that `texels` texels share: a power of two, at least 4 per
+// texel within 256 and 2048, so that edges and relief are finer than what is seen.
+std::size_t surface_resolution(std::size_t texels);
+
+// Throws an input error that names the field and the value where the parameters make no cloth.
+void validate(const WeaveCloth& cloth);
+
+// The height field, with one lobe per set of yarns (0 warp, 1 weft) and one for the backing (2).
+Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t rows);
+
+}  // namespace weft
