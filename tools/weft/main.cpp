@@ -26,12 +26,14 @@ namespace weft {
 // Each is defined in the file of its subcommand.
 void add_info(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
+void add_synth(CLI::App& program, Action& action);
 
 namespace {
 
 using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
+    add_synth,
     add_info,
     add_devices,
 };

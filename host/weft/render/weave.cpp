@@ -58,14 +58,15 @@ Cut plan(const Device& device, const BtfInfo& info, const WeaveRenderOptions& op
   const std::size_t hit_bytes = options.samples * weave_hit_bytes;
   const std::size_t out_bytes = cut.lights * 3 * size_of(info.dtype);
   if (hit_bytes > allocation || out_bytes > allocation) {
-    fail_input("weave: {} samples of a texel under {} lights need {} bytes at once, but device {} "
-               "allocates at most {}",
-               options.samples, cut.lights, std::max(hit_bytes, out_bytes), device.limits().name,
-               allocation);
+    fail_input(
+        "weave: {} samples of a texel under {} lights need {} bytes at once, but device {} "
+        "allocates at most {}",
+        options.samples, cut.lights, std::max(hit_bytes, out_bytes), device.limits().name,
+        allocation);
   }
   const std::size_t tile = std::clamp<std::size_t>(options.tile_bytes, 1, allocation);
-  cut.texels = std::clamp<std::size_t>(
-      std::min(tile / hit_bytes, allocation / out_bytes), 1, shape.texels());
+  cut.texels = std::clamp<std::size_t>(std::min(tile / hit_bytes, allocation / out_bytes), 1,
+                                       shape.texels());
   return cut;
 }
 
@@ -98,8 +99,7 @@ void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurfa
       static_cast<double>(surface.columns) / static_cast<double>(shape.width);
   const double rows_per_texel =
       static_cast<double>(surface.rows) / static_cast<double>(shape.height);
-  cl_kernel kernel =
-      device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_hits");
+  cl_kernel kernel = device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_hits");
   set_arguments(kernel, tables.elevation(), tables.shape(), tables.color(),
                 static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
                 static_cast<cl_ulong>(shape.width), static_cast<cl_ulong>(shape.height),
@@ -137,8 +137,7 @@ void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurf
                         TexelBand band, const Buffer& hits, const Buffer& lights,
                         std::size_t light_count, Buffer& out) {
   const Vector3 to_view = unit(info.view_directions[view]);
-  cl_kernel kernel =
-      device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_shade");
+  cl_kernel kernel = device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_shade");
   set_arguments(kernel, tables.elevation(), static_cast<cl_uint>(surface.columns),
                 static_cast<cl_uint>(surface.rows), surface.highest, narrow(shadow_bias(surface)),
                 hits, tables.lobes(), lights, static_cast<cl_ulong>(light_count),
@@ -204,7 +203,8 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
         const std::span<std::byte> values = std::span(band_values).first(count * bytes);
         device.read(out, 0, values);
         for (std::size_t i = 0; i < count; ++i) {
-          std::memcpy(&next[i * info.image_bytes() + texel * texel_bytes], &values[i * bytes], bytes);
+          std::memcpy(&next[i * info.image_bytes() + texel * texel_bytes], &values[i * bytes],
+                      bytes);
         }
       }
       std::swap(done, next);

@@ -1,5 +1,5 @@
-// Renders a periodic height field, as woven cloth is one, into a BTF on a device (kernels/weave.cl).
-// The formula and its conventions stand in weft/reference/weave.hpp.
+// Renders a periodic height field, as woven cloth is one, into a BTF on a device
+// (kernels/weave.cl). The formula and its conventions stand in weft/reference/weave.hpp.
 #pragma once
 
 #include <cstddef>
@@ -45,15 +45,16 @@ void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurfa
 std::vector<float> pack_weave_lights(const Surface& surface, const BtfInfo& info, std::size_t first,
                                      std::size_t count);
 
-// Shades the hits of a band under `light_count` packed lights. out: [light][texel][3] in info.dtype.
+// Shades the hits of a band under `light_count` packed lights. out: [light][texel][3] in
+// info.dtype.
 void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
                         const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
                         TexelBand band, const Buffer& hits, const Buffer& lights,
                         std::size_t light_count, Buffer& out);
 
 // Renders all images that sink.info() asks for, and finishes the sink. Holds runs of images within
-// options.tile_bytes; values do not depend on how many that is. Writing one run and rendering the next
-// overlap.
+// options.tile_bytes; values do not depend on how many that is. Writing one run and rendering the
+// next overlap.
 void render_weave(Device& device, const Surface& surface, const WeaveRenderOptions& options,
                   TileSink& sink);
 

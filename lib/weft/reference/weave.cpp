@@ -291,9 +291,9 @@ void render_weave_reference(const Surface& surface, const WeaveRenderOptions& op
       Vector3 sum{};
       for (std::size_t s = 0; s < options.samples; ++s) {
         const auto [u, v] = sample_offset(options.seed, view, texel, s);
-        const WeaveSample sample = weave_sample(surface, to_view, to_light,
-                                                (column + u) * columns_per_texel,
-                                                (top - v) * rows_per_texel);
+        const WeaveSample sample =
+            weave_sample(surface, to_view, to_light, (column + u) * columns_per_texel,
+                         (top - v) * rows_per_texel);
         for (std::size_t c = 0; c < 3; ++c) sum[c] += sample.radiance[c];
       }
       for (std::size_t c = 0; c < 3; ++c) {

@@ -1,0 +1,192 @@
+// weft synth: renders a simulated material into a raw BTF.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "btf_report.hpp"
+#include "common.hpp"
+#include "progress.hpp"
+#include "report.hpp"
+#include "subcommand.hpp"
+#include "weft/btf/directions.hpp"
+#include "weft/device/device.hpp"
+#include "weft/error.hpp"
+#include "weft/io/npy.hpp"
+#include "weft/io/raw_btf.hpp"
+#include "weft/reference/weave.hpp"
+#include "weft/render/weave.hpp"
+#include "weft/scene/weave.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t largest_side = 16384;
+// Runs of images larger than this gain nothing.
+constexpr std::size_t largest_tile = std::size_t{64} << 20;
+
+struct SynthOptions {
+  std::string material = "weave";
+  std::string size = "128";
+  std::string view_set = "ubo81";
+  std::string light_set = "ubo81";
+  std::size_t samples = 4;
+  std::string dtype = "f16";
+  std::uint64_t seed = 0;
+  std::string output;
+  DeviceOptions device;
+  OutputOptions report;
+};
+
+struct ImageSize {
+  std::size_t width = 0;
+  std::size_t height = 0;
+};
+
+// "128" or "256x128", width first.
+ImageSize parse_image_size(std::string_view text) {
+  const auto side = [text](std::string_view digits) {
+    std::size_t value = 0;
+    const char* const end = digits.data() + digits.size();
+    const auto [stop, status] = std::from_chars(digits.data(), end, value);
+    if (status != std::errc{} || stop != end || value < 1 || value > largest_side) {
+      fail_input("--size: '{}' is not N or WIDTHxHEIGHT with sides from 1 to {}", text,
+                 largest_side);
+    }
+    return value;
+  };
+  const std::size_t cross = text.find('x');
+  if (cross == std::string_view::npos) return {side(text), side(text)};
+  return {side(text.substr(0, cross)), side(text.substr(cross + 1))};
+}
+
+DType parse_dtype(const std::string& name) {
+  if (name == "u8") return DType::u8;
+  if (name == "f16") return DType::f16;
+  if (name == "f32") return DType::f32;
+  fail_input("--dtype: '{}' is not u8, f16 or f32", name);
+}
+
+std::unique_ptr<TileSink> create_output(const std::string& output, const BtfInfo& info) {
+  switch (output_kind(output)) {
+    case OutputKind::safetensors:
+      return create_raw_btf(output, info);
+    case OutputKind::npy:
+      return create_npy_btf(output, info);
+    default:
+      fail_input("--output: '{}' does not end in .safetensors or .npy", output);
+  }
+}
+
+void run_synth(const SynthOptions& options) {
+  // Everything that can be wrong with the request is found before any work.
+  const ImageSize size = parse_image_size(options.size);
+  BtfInfo info;
+  info.dtype = parse_dtype(options.dtype);
+  info.encoding = info.dtype == DType::u8 ? Encoding::srgb : Encoding::linear;
+  info.quantity = Quantity::radiance;
+  info.view_directions = direction_set(options.view_set, "--view-set");
+  info.light_directions = direction_set(options.light_set, "--light-set");
+  info.shape = {info.view_directions.size(), info.light_directions.size(), size.height, size.width,
+                3};
+  info.channel_names = {"R", "G", "B"};
+  info.source = fmt::format("weft synth --material {} --samples {} --seed {}", options.material,
+                            options.samples, options.seed);
+  WeaveRenderOptions render;
+  render.samples = options.samples;
+  render.seed = options.seed;
+  render.tile_bytes = std::clamp<std::size_t>(options.device.memory / 8, 1, largest_tile);
+
+  std::optional<Device> device;
+  if (!options.device.reference()) device.emplace(options.device.device, options.device.profile);
+  const std::unique_ptr<TileSink> sink = create_output(options.output, info);
+
+  const auto start = std::chrono::steady_clock::now();
+  const std::size_t resolution = surface_resolution(std::max(size.width, size.height));
+  const Surface surface =
+      make_surface(standard_cloth(size.width, size.height), resolution, resolution);
+  Progress progress(options.report, "synth", info.shape.images());
+  render.progress = [&progress](std::size_t done) { progress.update(done); };
+  if (device) {
+    render_weave(*device, surface, render, *sink);
+  } else {
+    render_weave_reference(surface, render, *sink);
+  }
+  progress.finish();
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+
+  Report report;
+  report.add("output", options.output);
+  report.add("material", options.material);
+  add_btf_fields(report, info);
+  report.add("samples", options.samples, "per texel");
+  report.add("seed", options.seed);
+  report.add("device", device ? device->limits().name : std::string("reference"));
+  report.add("file_size", bytes_cell(std::filesystem::file_size(options.output)));
+  report.add("time", seconds, "s");
+  const double samples = static_cast<double>(info.shape.images()) *
+                         static_cast<double>(info.shape.texels()) *
+                         static_cast<double>(options.samples);
+  report.add("rate", samples / seconds, "samples/s");
+  if (device && options.device.profile) add_profile_table(report, device->profile());
+  report.print(options.report);
+}
+
+}  // namespace
+
+void add_synth(CLI::App& program, Action& action) {
+  auto options = std::make_shared<SynthOptions>();
+  CLI::App* command = program.add_subcommand("synth", "Render a simulated material into a raw BTF");
+  command
+      ->add_option("--material", options->material,
+                   "weave: a twill of lustrous blue and matt ivory yarns")
+      ->check(CLI::IsMember({"weave"}))
+      ->type_name("NAME");
+  command->add_option("--size", options->size, "Texels of an image; the tile repeats seamlessly")
+      ->type_name("N|WIDTHxHEIGHT");
+  command
+      ->add_option("--view-set", options->view_set,
+                   "View directions: ubo81, ubo151, or a count of evenly spread ones")
+      ->type_name("SET");
+  command->add_option("--light-set", options->light_set, "Light directions, likewise")
+      ->type_name("SET");
+  command
+      ->add_option("--samples", options->samples,
+                   "Jittered view rays per texel: more is slower and smoother")
+      ->check(CLI::Range(1, 65536))
+      ->type_name("COUNT");
+  command->add_option("--dtype", options->dtype, "u8 (sRGB encoding), or f16 or f32 (linear light)")
+      ->check(CLI::IsMember({"u8", "f16", "f32"}))
+      ->type_name("TYPE");
+  command->add_option("--seed", options->seed, "Seed of the jitter")->type_name("NUMBER");
+  command
+      ->add_option("-o,--output", options->output,
+                   "Raw BTF to write: NAME.safetensors, or NAME.npy with directions in NAME.json")
+      ->required()
+      ->type_name("FILE");
+  add_device_options(*command, options->device);
+  add_output_options(*command, options->report);
+  command->footer(
+      "A value is the outgoing radiance under a directional light of unit irradiance on a plane\n"
+      "perpendicular to it; the light's cosine and shadows are in it. Equal options give equal\n"
+      "files, whatever --memory is.\n"
+      "\n"
+      "Examples:\n"
+      "  weft synth -o cloth.safetensors\n"
+      "  weft synth --size 256x128 --view-set ubo151 --light-set ubo151 --dtype u8 -o "
+      "c.safetensors\n"
+      "  weft synth --size 64 --view-set 1 --light-set 100 --samples 64 --dtype f32 -o "
+      "relight.npy");
+  command->callback([options, &action] { action = [options] { run_synth(*options); }; });
+}
+
+}  // namespace weft
