@@ -17,9 +17,14 @@ constexpr std::size_t most_yarns = 4096;
 constexpr std::size_t most_crossings_of_a_period = 64;
 
 // Fibres across one ply.
-constexpr std::int64_t fibres_per_ply = 4;
+constexpr std::int64_t fibres_per_ply = 5;
 // Cells of the fibre noise along a yarn, per spacing: fibres are long.
 constexpr double fibre_cells_per_spacing = 1.5;
+
+// Beyond the widest place of its section, where the underside would begin, a yarn falls as a steep
+// skirt: a height field has no underside, and a drop within one cell would be seen as teeth.
+constexpr double skirt_width = 0.09;
+constexpr double skirt_slope = 6;
 
 // What a yarn shows at a place: the elevation decides who is seen.
 struct YarnPoint {
@@ -55,8 +60,13 @@ class YarnPath {
 
   YarnPoint at(double s, double offset) const {
     YarnPoint point;
-    const double u = (offset - sideways(s)) / (0.5 * yarn_.width * size_);
-    if (std::abs(u) >= 1) return point;
+    const double rise = float_rise(s);
+    const double width = yarn_.width * size_ * (1 - yarn_.pinch * (1 - rise));
+    const double half = 0.5 * width;
+    const double aside = offset - sideways(s);
+    const double beyond = std::max(0.0, std::abs(aside) - half);
+    if (beyond >= skirt_width) return point;
+    const double u = std::clamp(aside / half, -1.0, 1.0);
     point.hit = true;
 
     // Strands: the angle round the section and the twist along it number the plies.
@@ -73,10 +83,11 @@ class YarnPath {
 
     const double section = std::sqrt(1 - u * u);
     // Relief fades towards the edge of the section, where it would stand sideways.
-    point.elevation = centre(s) + 0.5 * yarn_.thickness * section +
+    point.elevation = centre(s) + yarn_.float_arch * rise - skirt_slope * beyond +
+                      0.5 * yarn_.thickness * section +
                       section * (yarn_.ply_relief * (round - 1) + yarn_.fibre_relief * fibre);
     // Along a fibre `ply` is constant: plies d(angle)/pi + turns ds = 0.
-    point.slope = -section * 0.5 * yarn_.width * std::numbers::pi * turns / plies;
+    point.slope = -section * half * std::numbers::pi * turns / plies;
     const double along = noise_along(s, 0.75, key_ + 6);
     point.shade =
         shade_ * (1 + 0.5 * spread_ * along + 1.5 * spread_ * fibre) * (0.75 + 0.25 * round);
@@ -96,28 +107,29 @@ class YarnPath {
     return tops_[static_cast<std::size_t>((k % n + n) % n)];
   }
 
-  // Elevation of the centre line.
+  // Elevation of the centre line, without the bulge of floats.
   double centre(double s) const {
     // Crossing k lies at s = k + 1/2; a smooth step leads from one to the next.
     const double place = s - 0.5;
     const auto k = static_cast<std::int64_t>(std::floor(place));
     const double f = place - std::floor(place);
     const double from = top(k) ? 1 : -1, to = top(k + 1) ? 1 : -1;
-    double z = yarn_.crimp * (from + (to - from) * 0.5 * (1 - std::cos(std::numbers::pi * f)));
+    return yarn_.crimp * (from + (to - from) * 0.5 * (1 - std::cos(std::numbers::pi * f)));
+  }
 
-    // Floats bulge: a parabola over the run of crossings on top.
+  // 1 in the middle of a float, falling to 0 at its ends as a parabola; 0 where the yarn passes
+  // under.
+  double float_rise(double s) const {
     const auto here = static_cast<std::int64_t>(std::floor(s));
-    if (top(here)) {
-      const auto limit = static_cast<std::int64_t>(tops_.size());
-      std::int64_t first = here, last = here;
-      while (here - first < limit && top(first - 1)) --first;
-      while (last - here < limit && top(last + 1)) ++last;
-      const double middle = 0.5 * static_cast<double>(first + last + 1);
-      const double half = 0.5 * static_cast<double>(last - first + 1);
-      const double t = (s - middle) / half;
-      z += yarn_.float_arch * std::max(0.0, 1 - t * t);
-    }
-    return z;
+    if (!top(here)) return 0;
+    const auto limit = static_cast<std::int64_t>(tops_.size());
+    std::int64_t first = here, last = here;
+    while (here - first < limit && top(first - 1)) --first;
+    while (last - here < limit && top(last + 1)) ++last;
+    const double middle = 0.5 * static_cast<double>(first + last + 1);
+    const double half = 0.5 * static_cast<double>(last - first + 1);
+    const double t = (s - middle) / half;
+    return std::max(0.0, 1 - t * t);
   }
 
   const Yarn& yarn_;
@@ -168,6 +180,7 @@ void check_yarn(const Yarn& yarn, const std::string& set) {
   check_number(yarn.thickness, 0, 4, set + ".thickness");
   check_number(yarn.crimp, 0, 4, set + ".crimp");
   check_number(yarn.float_arch, 0, 4, set + ".float_arch");
+  check_number(yarn.pinch, 0, 0.9, set + ".pinch");
   check_number(static_cast<double>(yarn.plies), 1, 64, set + ".plies");
   check_number(yarn.twists, -64, 64, set + ".twists");
   check_number(yarn.ply_relief, 0, 1, set + ".ply_relief");
@@ -197,7 +210,7 @@ WeaveCloth standard_cloth(std::size_t width, std::size_t height) {
   cloth.weft.gloss = {{0.035f, 0.035f, 0.035f}, 0.7f, 0.42f, 0.6f};
   cloth.weft.twists = -0.5;
   const double shorter = static_cast<double>(std::min(width, height));
-  const double yarns_per_texel = 12.0 / shorter;
+  const double yarns_per_texel = 16.0 / shorter;
   cloth.warp_count =
       nearest_multiple(yarns_per_texel * static_cast<double>(width), cloth.pattern.period());
   cloth.weft_count =
@@ -206,7 +219,7 @@ WeaveCloth standard_cloth(std::size_t width, std::size_t height) {
 }
 
 std::size_t surface_resolution(std::size_t texels) {
-  return std::bit_ceil(std::clamp<std::size_t>(texels, 64, 512) * 4);
+  return std::bit_ceil(std::clamp<std::size_t>(texels, 32, 256) * 8);
 }
 
 void validate(const WeaveCloth& cloth) {

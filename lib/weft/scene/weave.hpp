@@ -40,14 +40,15 @@ struct WeavePattern {
 struct Yarn {
   std::array<float, 3> color{0.5f, 0.5f, 0.5f};  // diffuse albedo, linear light
   GlossyLobe gloss;
-  double width = 0.94;      // of the section, in spacings
-  double thickness = 0.44;  // of the section
-  double crimp = 0.17;      // of the centre line, up and down
-  double float_arch = 0.05;
-  std::size_t plies = 3;  // twisted strands seen side by side; at least 1
-  double twists = 0.55;   // plies that pass per spacing of length; negative twists the other way
-  double ply_relief = 0.035;    // depth of the grooves between plies
-  double fibre_relief = 0.008;  // height of single fibres
+  double width = 1.0;        // of the section, in spacings
+  double thickness = 0.44;   // of the section
+  double crimp = 0.17;       // of the centre line, up and down
+  double float_arch = 0.09;  // height of a float's middle above its ends, besides the crimp
+  double pinch = 0.3;        // relative loss of width where crossing yarns press on it
+  std::size_t plies = 3;     // twisted strands seen side by side; at least 1
+  double twists = 0.55;      // plies that pass per spacing of length; negative twists the other way
+  double ply_relief = 0.05;  // depth of the grooves between plies
+  double fibre_relief = 0.014;  // height of single fibres
 };
 
 struct WeaveCloth {
@@ -55,20 +56,20 @@ struct WeaveCloth {
   Yarn warp, weft;
   std::array<float, 3> backing{0.02f, 0.02f, 0.02f};  // albedo of what shows through gaps
   // Yarns of one tile; multiples of the pattern's period.
-  std::size_t warp_count = 12;
-  std::size_t weft_count = 12;
-  double wander = 0.035;       // sideways, in spacings
-  double color_spread = 0.08;  // relative, from yarn to yarn and along a yarn
-  std::uint64_t seed = 1;      // of the irregularities
+  std::size_t warp_count = 16;
+  std::size_t weft_count = 16;
+  double wander = 0.035;      // sideways, in spacings
+  double color_spread = 0.1;  // relative, from yarn to yarn and along a yarn
+  std::uint64_t seed = 1;     // of the irregularities
 };
 
 // The cloth of `weft synth`: a 2/2 twill of lustrous blue warp and matt ivory weft. The tile has
-// about 12 yarns along its shorter side, and the aspect ratio of width : height as nearly as whole
+// about 16 yarns along its shorter side, and the aspect ratio of width : height as nearly as whole
 // periods of the pattern allow.
 WeaveCloth standard_cloth(std::size_t width, std::size_t height);
 
-// Samples of a surface along a side that `texels` texels share: a power of two, at least 4 per
-// texel within 256 and 2048, so that edges and relief are finer than what is seen.
+// Samples of a surface along a side that `texels` texels share: a power of two, at least 8 per
+// texel within 256 and 2048, so that the steps of edges are finer than what is seen.
 std::size_t surface_resolution(std::size_t texels);
 
 // Throws an input error that names the field and the value where the parameters make no cloth.
