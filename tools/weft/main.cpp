@@ -24,9 +24,9 @@
 namespace weft {
 
 // Each is defined in the file of its subcommand.
+void add_synth(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
-void add_synth(CLI::App& program, Action& action);
 
 namespace {
 
