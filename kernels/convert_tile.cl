@@ -4,7 +4,7 @@
 //
 //   raw:    [images][P][CHANNELS]
 //   panels: [ceil(P / NR)][images CHANNELS][NR]      zero past the last texel
-//   mean:   [images][CHANNELS]
+//   mean:   [images][CHANNELS], from mean[first_row] on
 //
 //          p = 0 .. NR-1            NR .. 2 NR-1
 //        +-----------------------+-----------------------+--
@@ -53,7 +53,7 @@ inline void load_texels(__global const raw_t* values, float8* channel) {
 
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void convert_tile(__global const raw_t* restrict raw, ulong texels, ulong images,
-                           __global const float* restrict mean, float scale,
+                           __global const float* restrict mean, ulong first_row, float scale,
                            __global float* restrict panels, __global float* restrict squares) {
   const ulong block = get_global_id(0);
   const ulong image = get_global_id(1);
@@ -61,7 +61,7 @@ __kernel void convert_tile(__global const raw_t* restrict raw, ulong texels, ulo
   const ulong panel_count = (texels + NR - 1) / NR;
   const ulong panel_end = min((block + 1) * PANELS, panel_count);
   __global const raw_t* values = raw + image * texels * CHANNELS;
-  __global const float* image_mean = mean + image * CHANNELS;
+  __global const float* image_mean = mean + first_row + image * CHANNELS;
   float8 sum = 0.0f;
   for (ulong panel = block * PANELS; panel < panel_end; ++panel) {
     __global float* out = panels + (panel * rows + image * CHANNELS) * NR;

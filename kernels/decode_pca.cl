@@ -5,7 +5,7 @@
 //   A:    panels [ceil(P / NR)][k][NR], A(p, j) = A[((p / NR) k + j) NR + p % NR], zero-padded
 //   B:    [images CHANNELS][k]: the k coefficients of an image's channel are neighbours
 //   mean: [images][CHANNELS]
-//   out:  [images][P][CHANNELS]
+//   out:  [images][P][CHANNELS]: images [first_image, first_image + images) of the model
 //
 // One work-item decodes PANELS panels of texels for IMAGES images: the panels stay in the first
 // cache while the images pass. Three vectors of 8 texels by up to three channels are held at once.
@@ -62,7 +62,7 @@ inline void store_texels(const float8* channel, uint valid, __global float* out)
   }
 
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void decode_pca(ulong texels, ulong images, ulong k, __global const float* restrict A,
+__kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k, __global const float* restrict A,
                          __global const float* restrict B, __global const float* restrict mean,
                          __global float* restrict out) {
   const ulong panel_count = (texels + NR - 1) / NR;
@@ -72,8 +72,8 @@ __kernel void decode_pca(ulong texels, ulong images, ulong k, __global const flo
   const ulong image_end = min(image_begin + IMAGES, images);
   for (ulong panel = panel_begin; panel < panel_end; ++panel) {
     for (ulong image = image_begin; image < image_end; ++image) {
-      __global const float* b = B + image * CHANNELS * k;
-      __global const float* image_mean = mean + image * CHANNELS;
+      __global const float* b = B + (first_image + image) * CHANNELS * k;
+      __global const float* image_mean = mean + (first_image + image) * CHANNELS;
       for (uint part = 0; part < NR; part += 24) {
         const ulong p = panel * NR + part;
         if (p >= texels) break;

@@ -2,8 +2,9 @@
 //
 //   out[i] = store(encode_TO(decode_FROM(in[i])))
 //
-// Encodings: 0 linear; 1 sRGB, x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055)^2.4; 2 gamma,
-// max(x, 0)^2.2. Between equal encodings the value passes unchanged.
+// Encodings, continued to negative values as odd functions: 0 linear; 1 sRGB,
+// u <= 0.04045 ? u / 12.92 : ((u + 0.055) / 1.055)^2.4; 2 gamma, u^2.2. Between equal encodings the
+// value passes unchanged.
 //
 // Work-item (chunk of CHUNK values).
 //
@@ -24,25 +25,32 @@
 #define CHUNK 2048
 #endif
 
+// The curves on magnitudes u >= 0.
 inline float8 decode(float8 x) {
 #if FROM == TO || FROM == 0
   return x;
-#elif FROM == 1
-  const float8 curve = pow((fmax(x, 0.04045f) + 0.055f) / 1.055f, (float8)2.4f);
-  return select(curve, x / 12.92f, x <= 0.04045f);
 #else
-  return pow(fmax(x, 0.0f), (float8)2.2f);
+  const float8 u = fabs(x);
+#if FROM == 1
+  const float8 power = pow((u + 0.055f) / 1.055f, (float8)2.4f);
+  return copysign(select(power, u / 12.92f, u <= 0.04045f), x);
+#else
+  return copysign(pow(u, (float8)2.2f), x);
+#endif
 #endif
 }
 
 inline float8 encode(float8 x) {
 #if FROM == TO || TO == 0
   return x;
-#elif TO == 1
-  const float8 curve = 1.055f * pow(fmax(x, 0.0031308f), (float8)(1.0f / 2.4f)) - 0.055f;
-  return select(curve, x * 12.92f, x <= 0.0031308f);
 #else
-  return pow(fmax(x, 0.0f), (float8)(1.0f / 2.2f));
+  const float8 u = fabs(x);
+#if TO == 1
+  const float8 power = 1.055f * pow(u, (float8)(1.0f / 2.4f)) - 0.055f;
+  return copysign(select(power, u * 12.92f, u <= 0.0031308f), x);
+#else
+  return copysign(pow(u, (float8)(1.0f / 2.2f)), x);
+#endif
 #endif
 }
 

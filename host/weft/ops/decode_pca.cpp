@@ -17,8 +17,8 @@ void decode_pca(Device& device, const DecodePcaShape& shape, const Buffer& A, co
                     fmt::format("{} -DCHANNELS={} -DPANELS={} -DIMAGES={}", vector_option(device),
                                 shape.channels, block_panels, block_images),
                     "decode_pca");
-  set_arguments(kernel, ulong(shape.texels), ulong(shape.images), ulong(shape.rank), A, B, mean,
-                out);
+  set_arguments(kernel, ulong(shape.texels), ulong(shape.first_image), ulong(shape.images),
+                ulong(shape.rank), A, B, mean, out);
   launch_items(device, kernel, ceil_div(ceil_div(shape.texels, panel_width(device)), block_panels),
                ceil_div(shape.images, block_images));
 }

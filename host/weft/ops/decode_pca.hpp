@@ -8,6 +8,7 @@
 namespace weft::ops {
 
 struct DecodePcaShape {
+  std::size_t first_image = 0;
   std::size_t images = 0;
   std::size_t texels = 0;
   std::size_t channels = 0;
@@ -16,7 +17,8 @@ struct DecodePcaShape {
 
 // out[image, p, c] = mean + sum_j A[p, j] B[j, image, c].
 //   A:    packed panels of the k x P matrix A^T (ops::pack_panels)
-//   B:    [images C][k]; mean: [images C]; out: [images][P][C] floats
+//   B:    [all images C][k]; mean: [all images C]
+//   out:  [images][P][C] floats: images [first_image, first_image + images) of the model
 void decode_pca(Device& device, const DecodePcaShape& shape, const Buffer& A, const Buffer& B,
                 const Buffer& mean, Buffer& out);
 

@@ -58,7 +58,7 @@ std::size_t panel_elements(const Device& device, const TileShape& tile) {
 }
 
 void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
-                  float scale, Buffer& panels, double* squares) {
+                  std::size_t first_row, float scale, Buffer& panels, double* squares) {
   const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device)), convert_panels);
   Buffer partial(device, squares ? tile.images * blocks * sizeof(float) : sizeof(float),
                  "sums of squares");
@@ -67,7 +67,8 @@ void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, cons
                     fmt::format("{} {} -DPANELS={} -DSQUARES={}", tile_options(tile),
                                 vector_option(device), convert_panels, squares ? 1 : 0),
                     "convert_tile");
-  set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, scale, panels, partial);
+  set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, ulong(first_row), scale,
+                panels, partial);
   launch_items(device, kernel, blocks, tile.images);
   if (!squares) return;
   std::vector<float> host(tile.images * blocks);

@@ -36,10 +36,10 @@ TileScan scan_tile(Device& device, const TileShape& tile, const Buffer& raw);
 // Elements of a tile's panels: [ceil(P / NR)][images C][NR].
 std::size_t panel_elements(const Device& device, const TileShape& tile);
 
-// panels(row, p) = (T - mean[row]) scale; `mean` is [images C] on the device. `scale` must be a
-// power of two. With `squares`, waits and adds the sum of the squared results to it.
+// panels(row, p) = (T - mean[first_row + row]) scale. `scale` must be a power of two. With
+// `squares`, waits and adds the sum of the squared results to it.
 void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
-                  float scale, Buffer& panels, double* squares = nullptr);
+                  std::size_t first_row, float scale, Buffer& panels, double* squares = nullptr);
 
 // Errors of a decoded tile (float, [images][P][C]) against the raw one. `scale`: a power of two
 // that brings values near 1. Waits for the device.

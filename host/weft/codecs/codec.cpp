@@ -1,0 +1,55 @@
+#include "weft/codecs/codec.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+
+#include "weft/codecs/pca.hpp"
+#include "weft/error.hpp"
+
+namespace weft {
+
+std::span<const Codec* const> codecs() {
+  static const std::array<const Codec*, 1> table{&pca_codec()};
+  return table;
+}
+
+const Codec& find_codec(std::string_view name) {
+  std::string names;
+  for (const Codec* codec : codecs()) {
+    if (codec->name() == name) return *codec;
+    names += (names.empty() ? "" : ", ") + std::string(codec->name());
+  }
+  fail_input("codec '{}': there is none of that name, only {}", name, names);
+}
+
+std::unique_ptr<Model> read_model(const std::filesystem::path& path) {
+  const ModelFile file(path);
+  const auto table = codecs();
+  const auto known = std::find_if(table.begin(), table.end(), [&](const Codec* codec) {
+    return codec->name() == file.info().codec;
+  });
+  if (known == table.end()) {
+    file.reject(fmt::format("codec '{}' is not one of this version", file.info().codec));
+  }
+  return (*known)->read(file);
+}
+
+std::size_t count_parameter(const Codec& codec, const Parameters& parameters, std::string_view name,
+                            std::size_t least) {
+  const auto specs = codec.parameters();
+  const auto spec = std::find_if(specs.begin(), specs.end(),
+                                 [&](const ParameterSpec& s) { return s.name == name; });
+  const auto given = parameters.find(name);
+  const std::string text =
+      given != parameters.end() ? given->second : std::string(spec->default_value);
+  std::size_t value = 0;
+  const char* end = text.data() + text.size();
+  const auto [stop, status] = std::from_chars(text.data(), end, value);
+  if (status != std::errc() || stop != end || value < least) {
+    fail_input("--{} {}: a whole number of at least {} is needed", name, text, least);
+  }
+  return value;
+}
+
+}  // namespace weft

@@ -1,0 +1,98 @@
+// What a codec is to the program: one object of the table of codecs. A codec is added there and in
+// no other place, and every subcommand has it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "weft/btf/selection.hpp"
+#include "weft/btf/tile.hpp"
+#include "weft/device/device.hpp"
+#include "weft/job.hpp"
+#include "weft/model/model.hpp"
+#include "weft/model/model_file.hpp"
+
+namespace weft {
+
+// One parameter of a codec, an option `--NAME` of `weft compress`.
+struct ParameterSpec {
+  std::string_view name;
+  std::string_view default_value;
+  std::string_view help;
+};
+
+// Values of parameters by name, as text; absent ones take their default.
+using Parameters = std::map<std::string, std::string, std::less<>>;
+
+// Decodes images of one model in bulk, in order or not. Values are floats [count][Y][X][C] in the
+// model's encoding, 8-bit data as [0, 1], not clamped.
+class DeviceDecoder {
+ public:
+  virtual ~DeviceDecoder() = default;
+  // Enqueues the decoding of images [first, first + count) into `out`; does not wait.
+  virtual void decode(std::size_t first, std::size_t count, Buffer& out) = 0;
+  // Flops of decoding one image.
+  virtual double image_flops() const = 0;
+};
+
+// The same in double by the reference.
+class ReferenceDecoder {
+ public:
+  virtual ~ReferenceDecoder() = default;
+  virtual void decode(std::size_t first, std::size_t count, std::span<double> out) = 0;
+};
+
+class Codec {
+ public:
+  virtual ~Codec() = default;
+
+  virtual std::string_view name() const = 0;
+  // One line for --help.
+  virtual std::string_view summary() const = 0;
+  virtual std::span<const ParameterSpec> parameters() const = 0;
+
+  // Fits a model to all of `source`. Its real-valued tensors are rounded to `storage`; info.errors
+  // is left to the caller, who measures (see measure.hpp). Throws input errors for parameters that
+  // make no sense, for NaN or infinite values (naming the first) and for a plan beyond job.memory.
+  virtual std::unique_ptr<Model> encode(Device& device, TileSource& source,
+                                        const Parameters& parameters, Storage storage,
+                                        Job& job) const = 0;
+  virtual std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                                  Storage storage, Job& job) const = 0;
+
+  // The part of a model that decodes to a selection (without its mip level, which is taken of
+  // decoded images); the model itself is not changed.
+  virtual std::unique_ptr<Model> select(const Model& model, const Selection& selection) const = 0;
+
+  virtual std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const = 0;
+  // Bytes of device memory that the decoder holds.
+  virtual std::size_t decoder_bytes(const Model& model) const = 0;
+  virtual std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const = 0;
+
+  // Bound of |device - reference| for one decoded value, from the lengths and magnitudes of the
+  // sums behind it: the unit of `weft verify`.
+  virtual double decode_tolerance(const Model& model) const = 0;
+
+  virtual std::unique_ptr<Model> read(const ModelFile& file) const = 0;
+};
+
+// All codecs, by name.
+std::span<const Codec* const> codecs();
+
+// Throws an input error that lists the names if there is none of that name.
+const Codec& find_codec(std::string_view name);
+
+// Opens a `.weft` file with the codec it names.
+std::unique_ptr<Model> read_model(const std::filesystem::path& path);
+
+// A parameter's value as a whole number of at least `least`. Throws an input error that names the
+// option and the value.
+std::size_t count_parameter(const Codec& codec, const Parameters& parameters, std::string_view name,
+                            std::size_t least);
+
+}  // namespace weft

@@ -1,0 +1,187 @@
+#include "weft/codecs/pca.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "weft/codecs/streamed_svd.hpp"
+#include "weft/error.hpp"
+#include "weft/model/pca.hpp"
+#include "weft/ops/decode_pca.hpp"
+#include "weft/ops/gemm.hpp"
+#include "weft/reference/pca.hpp"
+
+namespace weft {
+namespace {
+
+const PcaModel& as_pca(const Model& model) {
+  return dynamic_cast<const PcaModel&>(model);
+}
+
+class PcaDeviceDecoder final : public DeviceDecoder {
+ public:
+  PcaDeviceDecoder(Device& device, const PcaModel& model)
+      : device_(device),
+        shape_(model.info.btf.shape),
+        rank_(model.rank),
+        mean_(device, model.mean.size() * sizeof(float), "mean"),
+        A_(device, ops::packed_elements(device, rank_, shape_.texels()) * sizeof(float),
+           "coefficients"),
+        B_(device, model.basis.size() * sizeof(float), "basis") {
+    device.write(mean_, std::span<const float>(model.mean));
+    if (rank_ == 0) return;
+    // A by panels of texels
+    Buffer rows(device, model.coefficients.size() * sizeof(float), "coefficients");
+    device.write(rows, std::span<const float>(model.coefficients));
+    ops::pack_panels(device, ops::transposed(device, rows, rank_), rank_, shape_.texels(), A_);
+    device.finish();
+    // B with the k coefficients of an image's channel side by side
+    const std::size_t n = model.mean.size();
+    std::vector<float> transposed(model.basis.size());
+    for (std::size_t j = 0; j < rank_; ++j) {
+      for (std::size_t r = 0; r < n; ++r) transposed[r * rank_ + j] = model.basis[j * n + r];
+    }
+    device.write(B_, std::span<const float>(transposed));
+  }
+
+  void decode(std::size_t first, std::size_t count, Buffer& out) override {
+    ops::decode_pca(device_, {first, count, shape_.texels(), shape_.channels, rank_}, A_, B_, mean_,
+                    out);
+  }
+
+  double image_flops() const override {
+    return 2.0 * static_cast<double>(shape_.image_values()) * static_cast<double>(rank_);
+  }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+  std::size_t rank_;
+  Buffer mean_;
+  Buffer A_;
+  Buffer B_;
+};
+
+class PcaReferenceDecoder final : public ReferenceDecoder {
+ public:
+  explicit PcaReferenceDecoder(const PcaModel& model) : model_(model) {}
+  void decode(std::size_t first, std::size_t count, std::span<double> out) override {
+    reference::decode_pca(model_, first, count, out);
+  }
+
+ private:
+  const PcaModel& model_;
+};
+
+class PcaCodec final : public Codec {
+ public:
+  std::string_view name() const override { return "pca"; }
+  std::string_view summary() const override {
+    return "principal components of the texels' ABRDFs, mean removed";
+  }
+  std::span<const ParameterSpec> parameters() const override {
+    static constexpr std::array<ParameterSpec, 1> specs{{{"rank", "64", "number of components k"}}};
+    return specs;
+  }
+
+  std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
+                                Storage storage, Job& job) const override {
+    const std::size_t rank = count_parameter(*this, parameters, "rank", 1);
+    job.plan(plan_streamed_svd(device, source, rank));
+    StreamedSvd svd = streamed_svd(device, source, rank, job);
+    auto model = std::make_unique<PcaModel>();
+    model->rank = svd.rank;
+    model->mean = std::move(svd.mean);
+    model->coefficients = std::move(svd.left);
+    // right is [n, k]
+    const std::size_t n = model->mean.size();
+    model->basis.resize(svd.right.size());
+    for (std::size_t r = 0; r < n; ++r) {
+      for (std::size_t j = 0; j < svd.rank; ++j) {
+        model->basis[j * n + r] = svd.right[r * svd.rank + j];
+      }
+    }
+    describe(*model, source.info(), rank, storage);
+    if (svd.rank < rank) {
+      job.notes.push_back(
+          fmt::format("rank {} asked, {} kept: the data holds no more", rank, svd.rank));
+    }
+    job.notes.push_back(fmt::format("block Krylov SVD: {} passes over the data", svd.passes));
+    model->round_to_storage();
+    return model;
+  }
+
+  std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                          Storage storage, Job& job) const override {
+    const std::size_t rank = count_parameter(*this, parameters, "rank", 1);
+    auto model = reference::encode_pca(source, rank, job);
+    describe(*model, source.info(), rank, storage);
+    model->round_to_storage();
+    return model;
+  }
+
+  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+    return select_pca(as_pca(model), selection);
+  }
+
+  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+    return std::make_unique<PcaDeviceDecoder>(device, as_pca(model));
+  }
+
+  std::size_t decoder_bytes(const Model& model) const override {
+    const PcaModel& pca = as_pca(model);
+    return (pca.mean.size() + pca.basis.size() + 2 * pca.coefficients.size()) * sizeof(float);
+  }
+
+  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+    return std::make_unique<PcaReferenceDecoder>(as_pca(model));
+  }
+
+  // k products and the mean, summed in float: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|) for any
+  // order of the sum, by Cauchy-Schwarz over the components.
+  double decode_tolerance(const Model& model) const override {
+    const PcaModel& pca = as_pca(model);
+    const std::size_t n = pca.mean.size();
+    double largest_mean = 0;
+    for (const float value : pca.mean)
+      largest_mean = std::max(largest_mean, std::abs(double{value}));
+    double largest_row = 0;
+    for (std::size_t p = 0; p * pca.rank < pca.coefficients.size(); ++p) {
+      double square = 0;
+      for (std::size_t j = 0; j < pca.rank; ++j) {
+        square += std::pow(double{pca.coefficients[p * pca.rank + j]}, 2);
+      }
+      largest_row = std::max(largest_row, std::sqrt(square));
+    }
+    double largest_column = 0;
+    for (std::size_t r = 0; r < n; ++r) {
+      double square = 0;
+      for (std::size_t j = 0; j < pca.rank; ++j)
+        square += std::pow(double{pca.basis[j * n + r]}, 2);
+      largest_column = std::max(largest_column, std::sqrt(square));
+    }
+    const double terms = static_cast<double>(pca.rank + 1);
+    const double unit = 0x1p-24;
+    return terms * unit / (1 - terms * unit) * (largest_mean + largest_row * largest_column);
+  }
+
+  std::unique_ptr<Model> read(const ModelFile& file) const override { return PcaModel::read(file); }
+
+ private:
+  void describe(PcaModel& model, const BtfInfo& info, std::size_t rank, Storage storage) const {
+    model.info.codec = name();
+    model.info.parameters = fmt::format(R"({{"rank":{},"kept":{}}})", rank, model.rank);
+    model.info.storage = storage;
+    model.info.btf = info;
+  }
+};
+
+}  // namespace
+
+const Codec& pca_codec() {
+  static const PcaCodec codec;
+  return codec;
+}
+
+}  // namespace weft

@@ -1,0 +1,96 @@
+#include "weft/reference/tile.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "weft/error.hpp"
+#include "weft/tensor/half.hpp"
+
+namespace weft::reference {
+namespace {
+// The i-th value of unaligned raw data.
+template <typename T>
+T load(std::span<const std::byte> raw, std::size_t i) {
+  T value;
+  std::memcpy(&value, raw.data() + i * sizeof(T), sizeof(T));
+  return value;
+}
+}  // namespace
+
+void to_double(DType dtype, std::span<const std::byte> raw, bool nan_zero, std::span<double> out) {
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    double value = 0;
+    if (dtype == DType::u8) {
+      value = static_cast<double>(load<std::uint8_t>(raw, i)) / 255.0;
+    } else if (dtype == DType::f16) {
+      value = static_cast<double>(half_to_float(load<std::uint16_t>(raw, i)));
+    } else {
+      value = static_cast<double>(load<float>(raw, i));
+    }
+    out[i] = nan_zero && !std::isfinite(value) ? 0.0 : value;
+  }
+}
+
+void read_tile(TileSource& source, std::size_t first, std::size_t count, bool nan_zero,
+               std::span<double> out) {
+  const BtfInfo& info = source.info();
+  const std::span<const std::byte> mapped = source.mapped(first, count);
+  if (!mapped.empty()) {
+    to_double(info.dtype, mapped, nan_zero, out);
+  } else {
+    std::vector<std::byte> raw(count * info.image_bytes());
+    source.read(first, count, raw);
+    to_double(info.dtype, raw, nan_zero, out);
+  }
+  source.release(first, count);
+  const auto bad = std::find_if(out.begin(), out.end(), [](double x) { return !std::isfinite(x); });
+  if (bad != out.end()) {
+    fail_non_finite(info.shape, first * info.shape.image_values() +
+                                    static_cast<std::size_t>(bad - out.begin()));
+  }
+}
+
+void fail_non_finite(const BtfShape& shape, std::size_t at) {
+  const std::size_t c = at % shape.channels;
+  at /= shape.channels;
+  const std::size_t x = at % shape.width;
+  at /= shape.width;
+  const std::size_t y = at % shape.height;
+  at /= shape.height;
+  fail_input(
+      "the input holds NaN or an infinity, first at view {}, light {}, row {}, column {}, channel "
+      "{}; "
+      "--nan zero reads such values as 0",
+      at / shape.lights, at % shape.lights, y, x, c);
+}
+
+std::vector<double> tile_sums(std::size_t images, std::size_t texels, std::size_t channels,
+                              std::span<const double> values) {
+  std::vector<double> sums(images * channels, 0.0);
+  for (std::size_t image = 0; image < images; ++image) {
+    for (std::size_t p = 0; p < texels; ++p) {
+      for (std::size_t c = 0; c < channels; ++c) {
+        sums[image * channels + c] += values[(image * texels + p) * channels + c];
+      }
+    }
+  }
+  return sums;
+}
+
+ErrorSums error_sums(std::span<const double> values, std::span<const double> decoded) {
+  ErrorSums sums;
+  sums.count = values.size();
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double difference = std::abs(values[i] - decoded[i]);
+    sums.square_difference += difference * difference;
+    sums.square_reference += values[i] * values[i];
+    // Written so that a NaN is kept.
+    if (!(sums.max_difference >= difference)) sums.max_difference = difference;
+    sums.max_reference = std::max(sums.max_reference, std::abs(values[i]));
+  }
+  return sums;
+}
+
+}  // namespace weft::reference
