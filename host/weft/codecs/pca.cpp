@@ -1,5 +1,7 @@
 #include "weft/codecs/pca.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -122,7 +124,7 @@ class PcaCodec final : public Codec {
   }
 
   std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
-    return select_pca(as_pca(model), selection);
+    return as_pca(model).select(selection);
   }
 
   std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {

@@ -1,5 +1,7 @@
 #include "weft/codecs/streamed_svd.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -11,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "weft/btf/selection.hpp"
 #include "weft/model/model.hpp"
 #include "weft/model/model_file.hpp"
 
@@ -28,6 +29,9 @@ struct PcaModel final : Model {
 
   // Rounds the tensors to what info.storage will give back.
   void round_to_storage();
+
+  // The part that decodes to a selection; its mip level is not looked at.
+  std::unique_ptr<PcaModel> select(const Selection& selection) const;
 
   // From a validated file; throws an input error where the tensors do not fit each other.
   static std::unique_ptr<PcaModel> read(const ModelFile& file);
