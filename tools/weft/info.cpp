@@ -111,7 +111,8 @@ void add_info(CLI::App& program, Action& action) {
       ->add_option("FILE", options->files,
                    "Raw BTFs (.safetensors, or .npy with a .json beside it) and models (.weft)")
       ->required()
-      ->type_name("");
+      ->type_name("")
+      ->default_str("");
   add_output_options(*command, options->output);
   command->footer(
       "The header of every file and the checksums of models are verified; the values of raw BTFs "

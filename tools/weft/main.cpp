@@ -26,6 +26,7 @@ namespace weft {
 // Each is defined in the file of its subcommand.
 void add_synth(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
+void add_sheet(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
 
 namespace {
@@ -35,6 +36,7 @@ using AddSubcommand = void (*)(CLI::App&, Action&);
 constexpr AddSubcommand subcommands[] = {
     add_synth,
     add_info,
+    add_sheet,
     add_devices,
 };
 
