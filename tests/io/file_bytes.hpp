@@ -12,6 +12,9 @@
 namespace weft::test {
 
 inline void write_bytes(const std::filesystem::path& path, std::string_view bytes) {
+  // A new file: some file systems flush one that was truncated, which takes milliseconds.
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
   std::ofstream stream(path, std::ios::binary);
   stream.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   if (!stream.flush()) throw std::runtime_error("cannot write " + path.string());
