@@ -5,14 +5,12 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "support/generators.hpp"
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
+#include "tools/example_model.hpp"
 #include "tools/weft_process.hpp"
 #include "weft/io/npy.hpp"
 #include "weft/io/raw_btf.hpp"
-#include "weft/model/model_file.hpp"
-#include "weft/model/pca.hpp"
 
 namespace weft::test {
 namespace {
@@ -32,23 +30,7 @@ std::filesystem::path write_raw(const TemporaryFolder& folder) {
 }
 
 std::filesystem::path write_pca(const TemporaryFolder& folder) {
-  PcaModel model;
-  model.info.codec = "pca";
-  model.info.parameters = R"({"rank":2})";
-  model.info.storage = Storage::f32;
-  model.info.btf = make_info(shape, DType::f16);
-  model.info.program_version = "0.0.1";
-  ErrorReport errors;
-  errors.rmse = 0.125;
-  errors.psnr = 18.0625;
-  model.info.errors = errors;
-  model.rank = 2;
-  model.mean = random_floats(shape.images() * shape.channels, 2);
-  model.coefficients = random_floats(shape.texels() * 2, 3);
-  model.basis = random_floats(2 * shape.images() * shape.channels, 4);
-  const std::filesystem::path path = folder / "cloth.weft";
-  write_model(path, model);
-  return path;
+  return write_pca_model(folder / "cloth.weft", shape);
 }
 
 TEST(Info, RawFile) {

@@ -5,6 +5,7 @@
 
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
+#include "tools/example_model.hpp"
 #include "tools/weft_process.hpp"
 #include "weft/io/image.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -34,6 +35,18 @@ TEST(Sheet, OriginalDecodedAndDifference) {
   const ImageInfo info = image_info(output);
   EXPECT_EQ(info.width, 5U * (6 + 4) + 4);
   EXPECT_EQ(info.height, 3U * (5 + 4) + 4);
+}
+
+TEST(Sheet, ModelBesideItsOriginal) {
+  const TemporaryFolder folder;
+  const std::string output = folder / "s.png";
+  const std::string raw = write_raw(folder, "a.safetensors", 1);
+  const std::string model = write_pca_model(folder / "a.weft", {3, 4, 5, 6, 3});
+  const ProcessResult result = run_weft({"sheet", raw, model, "--columns", "2", "-o", output});
+  ASSERT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(image_info(output).height, 3U * (5 + 4) + 4);
+  const std::string other = write_pca_model(folder / "b.weft", {3, 4, 5, 7, 3});
+  EXPECT_EQ(run_weft({"sheet", raw, other, "-o", output}).status, 2);
 }
 
 TEST(Sheet, ChosenImages) {

@@ -13,6 +13,7 @@
 #include "report.hpp"
 #include "subcommand.hpp"
 #include "weft/btf/tile.hpp"
+#include "weft/codecs/codec.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
 #include "weft/io/safetensors.hpp"
@@ -43,6 +44,8 @@ void add_tensor_table(Report& report, const SafetensorsFile& file) {
 void describe_model(Report& report, const std::filesystem::path& path) {
   // Opening it verifies the container, the metadata and the checksum of every tensor.
   const ModelFile model(path);
+  // Reading it verifies that its tensors fit each other and its codec.
+  find_codec(model.info().codec).read(model);
   const ModelInfo& info = model.info();
   report.add("kind", "model");
   report.add("program_version", info.program_version);

@@ -1,7 +1,9 @@
-// weft sheet: a contact sheet of a raw BTF, alone or beside a reconstruction of it.
+// weft sheet: a contact sheet of a raw BTF or a model, alone or beside a reconstruction.
 #include <CLI/CLI.hpp>
+#include <cstring>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,9 +13,11 @@
 #include "subcommand.hpp"
 #include "weft/btf/selection.hpp"
 #include "weft/btf/tile.hpp"
+#include "weft/codecs/codec.hpp"
 #include "weft/error.hpp"
 #include "weft/io/contact_sheet.hpp"
 #include "weft/io/raw_btf.hpp"
+#include "weft/model/model_file.hpp"
 
 namespace weft {
 namespace {
@@ -27,6 +31,36 @@ struct SheetOptions {
   ContactSheetOptions sheet;
   OutputOptions report;
 };
+
+// Images of a model, decoded one by one by the reference: a sheet needs few.
+class ModelSource final : public TileSource {
+ public:
+  explicit ModelSource(const std::filesystem::path& path)
+      : model_(read_model(path)),
+        decoder_(find_codec(model_->info.codec).reference_decoder(*model_)),
+        info_(model_->info.btf) {
+    info_.dtype = DType::f32;
+  }
+
+  const BtfInfo& info() const override { return info_; }
+
+  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
+    std::vector<double> values(count * info_.shape.image_values());
+    decoder_->decode(first, count, values);
+    const std::vector<float> stored(values.begin(), values.end());
+    std::memcpy(out.data(), stored.data(), out.size());
+  }
+
+ private:
+  std::unique_ptr<Model> model_;
+  std::unique_ptr<ReferenceDecoder> decoder_;
+  BtfInfo info_;
+};
+
+std::shared_ptr<TileSource> open_raw_or_model(const std::filesystem::path& path) {
+  if (ModelFile::looks_like(path)) return std::make_shared<ModelSource>(path);
+  return open_raw_btf(path);
+}
 
 // The images of --views and --lights, or some spread over all.
 std::vector<std::size_t> chosen_images(const SheetOptions& options, const BtfInfo& info) {
@@ -49,9 +83,9 @@ void run_sheet(const SheetOptions& options) {
   if (std::filesystem::path(options.output).extension() != ".png") {
     fail_input("{}: a contact sheet is a PNG; let its name end in .png", options.output);
   }
-  const std::shared_ptr<TileSource> original = open_raw_btf(options.original);
+  const std::shared_ptr<TileSource> original = open_raw_or_model(options.original);
   const std::shared_ptr<TileSource> decoded =
-      options.decoded.empty() ? nullptr : open_raw_btf(options.decoded);
+      options.decoded.empty() ? nullptr : open_raw_or_model(options.decoded);
   ContactSheetOptions sheet = options.sheet;
   sheet.images = chosen_images(options, original->info());
   const ContactSheet done = write_contact_sheet(options.output, *original, decoded.get(), sheet);
@@ -69,15 +103,14 @@ void run_sheet(const SheetOptions& options) {
 void add_sheet(CLI::App& program, Action& action) {
   auto options = std::make_shared<SheetOptions>();
   CLI::App* command = program.add_subcommand(
-      "sheet", "Draw a contact sheet of a raw BTF, alone or beside its reconstruction");
-  command->add_option("RAW", options->original, "Raw BTF (.safetensors or .npy)")
+      "sheet", "Draw a contact sheet of a raw BTF or a model, alone or beside a reconstruction");
+  command->add_option("RAW", options->original, "Raw BTF (.safetensors, .npy) or model (.weft)")
       ->required()
       ->type_name("")
       ->default_str("");
   command
-      ->add_option(
-          "DECODED", options->decoded,
-          "Its reconstruction, as 'weft decompress MODEL -o DECODED.safetensors' writes it")
+      ->add_option("DECODED", options->decoded,
+                   "Its reconstruction: a model, or a raw BTF of the same shape")
       ->type_name("")
       ->default_str("");
   command->add_option("-o,--output", options->output, "The PNG to write")
@@ -110,8 +143,7 @@ void add_sheet(CLI::App& program, Action& action) {
       "\n"
       "Examples:\n"
       "  weft sheet cloth.safetensors -o cloth.png\n"
-      "  weft decompress cloth.weft -o decoded.safetensors\n"
-      "  weft sheet cloth.safetensors decoded.safetensors --difference 20 -o compared.png\n"
+      "  weft sheet cloth.safetensors cloth.weft --difference 20 -o compared.png\n"
       "  weft sheet cloth.safetensors --views 0,40 --lights 0-7 -o chosen.png");
   command->callback([options, &action] { action = [options] { run_sheet(*options); }; });
 }

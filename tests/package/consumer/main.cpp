@@ -1,4 +1,5 @@
-// Writes a small raw BTF into the folder given, reads it back, and lists the OpenCL devices.
+// Writes a small raw BTF into the folder given, reads it back, and lists the codecs
+// and the OpenCL devices.
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -7,6 +8,7 @@
 
 #include "weft/btf/btf.hpp"
 #include "weft/btf/directions.hpp"
+#include "weft/codecs/codec.hpp"
 #include "weft/device/device.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -33,6 +35,9 @@ int main(int argc, char** argv) {
     if (read != values) return 1;
 
     std::printf("weft %s\n", weft::version());
+    for (const weft::Codec* codec : weft::codecs()) {
+      std::printf("%.*s\n", static_cast<int>(codec->name().size()), codec->name().data());
+    }
     for (const weft::DeviceLimits& device : weft::list_devices()) {
       std::printf("%s\n", device.name.c_str());
     }
