@@ -1,0 +1,81 @@
+#include "weft/btf/adapt.hpp"
+
+#include <utility>
+#include <vector>
+
+#include "weft/btf/encoding.hpp"
+
+namespace weft {
+namespace {
+
+class RelabelledSource final : public TileSource {
+ public:
+  RelabelledSource(std::shared_ptr<TileSource> source, BtfInfo info)
+      : source_(std::move(source)), info_(std::move(info)) {}
+
+  const BtfInfo& info() const override { return info_; }
+  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
+    source_->read(first, count, out);
+  }
+  std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
+    return source_->mapped(first, count);
+  }
+  void release(std::size_t first, std::size_t count) override { source_->release(first, count); }
+
+ private:
+  std::shared_ptr<TileSource> source_;
+  BtfInfo info_;
+};
+
+class ConvertedSource final : public TileSource {
+ public:
+  ConvertedSource(std::shared_ptr<TileSource> source, DType dtype)
+      : source_(std::move(source)), info_(source_->info()) {
+    info_.dtype = dtype;
+  }
+
+  const BtfInfo& info() const override { return info_; }
+
+  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
+    const BtfInfo& from = source_->info();
+    // Image by image, so that one image is all that is held beside the caller's tile.
+    for (std::size_t i = 0; i < count; ++i) {
+      std::span<const std::byte> values = source_->mapped(first + i, 1);
+      if (values.empty()) {
+        scratch_.resize(from.image_bytes());
+        source_->read(first + i, 1, scratch_);
+        values = scratch_;
+      }
+      convert_values({from.dtype, from.encoding}, values, {info_.dtype, info_.encoding},
+                     out.subspan(i * info_.image_bytes(), info_.image_bytes()), info_.source);
+    }
+  }
+
+  void release(std::size_t first, std::size_t count) override { source_->release(first, count); }
+
+ private:
+  std::shared_ptr<TileSource> source_;
+  BtfInfo info_;
+  std::vector<std::byte> scratch_;
+};
+
+}  // namespace
+
+std::shared_ptr<TileSource> relabelled(std::shared_ptr<TileSource> source,
+                                       std::optional<Encoding> encoding,
+                                       std::optional<Quantity> quantity) {
+  BtfInfo info = source->info();
+  info.encoding = encoding.value_or(info.encoding);
+  info.quantity = quantity.value_or(info.quantity);
+  if (info.encoding == source->info().encoding && info.quantity == source->info().quantity) {
+    return source;
+  }
+  return std::make_shared<RelabelledSource>(std::move(source), std::move(info));
+}
+
+std::shared_ptr<TileSource> converted(std::shared_ptr<TileSource> source, DType dtype) {
+  if (source->info().dtype == dtype) return source;
+  return std::make_shared<ConvertedSource>(std::move(source), dtype);
+}
+
+}  // namespace weft
