@@ -1,9 +1,14 @@
 // What holds for the program as a whole, whichever subcommand runs.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <csignal>
+#include <filesystem>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "support/temporary_folder.hpp"
 #include "tools/weft_process.hpp"
 #include "weft/version.hpp"
 
@@ -63,6 +68,31 @@ TEST(Program, NamesAnUnknownSubcommand) {
   const ProcessResult result = run_weft({"compres"});
   EXPECT_EQ(result.status, 2);
   EXPECT_EQ(result.err, "weft: error: unknown subcommand 'compres'\nSee 'weft --help'.\n");
+}
+
+// A job of minutes, stopped by a signal as soon as it has begun to write.
+void stop_while_writing(int signal) {
+  const TemporaryFolder folder;
+  const std::string output = folder / "cloth.safetensors";
+  Process process(weft_command(
+      {"synth", "--size", "256", "--view-set", "ubo151", "--light-set", "ubo151", "-o", output}));
+  while (process.running() && std::filesystem::is_empty(folder.path())) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  process.send_signal(signal);
+  const ProcessResult result = process.wait();
+  EXPECT_EQ(result.status, 130);
+  EXPECT_EQ(result.out, "");
+  EXPECT_NE(result.err.find("weft synth: error: interrupted\n"), std::string::npos) << result.err;
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path())) << "a half file was left";
+}
+
+TEST(Program, InterruptLeavesNoHalfFile) {
+  stop_while_writing(SIGINT);
+}
+
+TEST(Program, TerminationLeavesNoHalfFile) {
+  stop_while_writing(SIGTERM);
 }
 
 }  // namespace
