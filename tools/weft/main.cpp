@@ -25,6 +25,7 @@ namespace weft {
 
 // Each is defined in the file of its subcommand.
 void add_synth(CLI::App& program, Action& action);
+void add_import(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
 void add_sheet(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
@@ -35,6 +36,7 @@ using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
     add_synth,
+    add_import,
     add_info,
     add_sheet,
     add_devices,
