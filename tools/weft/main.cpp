@@ -26,6 +26,9 @@ namespace weft {
 // Each is defined in the file of its subcommand.
 void add_synth(CLI::App& program, Action& action);
 void add_import(CLI::App& program, Action& action);
+void add_compress(CLI::App& program, Action& action);
+void add_decompress(CLI::App& program, Action& action);
+void add_verify(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
 void add_sheet(CLI::App& program, Action& action);
 void add_devices(CLI::App& program, Action& action);
@@ -37,6 +40,9 @@ using AddSubcommand = void (*)(CLI::App&, Action&);
 constexpr AddSubcommand subcommands[] = {
     add_synth,
     add_import,
+    add_compress,
+    add_decompress,
+    add_verify,
     add_info,
     add_sheet,
     add_devices,

@@ -12,6 +12,11 @@ void check_cl(cl_int status, const char* what) {
   if (status != CL_SUCCESS) fail_runtime("{}: {} ({})", what, cl_status_name(status), status);
 }
 
+void wait_for(const Handle<cl_event>& event) {
+  const cl_event raw = event.get();
+  check_cl(clWaitForEvents(1, &raw), "clWaitForEvents");
+}
+
 void detail::set_argument(cl_kernel kernel, cl_uint index, std::size_t size, const void* value) {
   const cl_int status = clSetKernelArg(kernel, index, size, value);
   if (status == CL_SUCCESS) return;
@@ -75,6 +80,16 @@ void Device::read(const Buffer& from, std::size_t offset, std::span<std::byte> t
   check_cl(clEnqueueReadBuffer(queue(), from.get(), CL_TRUE, offset, to.size(), to.data(), 0,
                                nullptr, nullptr),
            "clEnqueueReadBuffer");
+}
+
+Handle<cl_event> Device::read_later(const Buffer& from, std::size_t offset,
+                                    std::span<std::byte> to) {
+  cl_event event = nullptr;
+  check_cl(clEnqueueReadBuffer(queue(), from.get(), CL_FALSE, offset, to.size(), to.data(), 0,
+                               nullptr, &event),
+           "clEnqueueReadBuffer");
+  flush();
+  return Handle<cl_event>(event);
 }
 
 void Device::write(Buffer& to, std::size_t offset, std::span<const std::byte> from) {

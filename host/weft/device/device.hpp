@@ -72,6 +72,8 @@ class Device {
   // Blocking copies. On a device with unified memory they map.
   void read(const Buffer& from, std::size_t offset, std::span<std::byte> to);
   void write(Buffer& to, std::size_t offset, std::span<const std::byte> from);
+  // Enqueues a copy to host memory, which must stay until the event is complete.
+  Handle<cl_event> read_later(const Buffer& from, std::size_t offset, std::span<std::byte> to);
   void fill_zero(Buffer& buffer, std::size_t offset, std::size_t bytes);
 
   template <typename T>
@@ -126,6 +128,9 @@ class Device {
 // Throws a run-time error with `what` and the name of the status unless it is CL_SUCCESS. A failed
 // allocation says how much was allocated.
 void check_cl(cl_int status, const char* what);
+
+// Waits for an event; throws a run-time error if its command failed.
+void wait_for(const Handle<cl_event>& event);
 
 // Sets all arguments of a kernel from the first on: Buffers, and scalars of OpenCL C's own sizes
 // (std::uint64_t for ulong, std::int32_t for int, float ...).

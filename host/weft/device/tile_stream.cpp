@@ -104,11 +104,6 @@ Handle<cl_event> mark(Device& device) {
   return Handle<cl_event>(event);
 }
 
-void wait(const Handle<cl_event>& event) {
-  const cl_event raw = event.get();
-  check_cl(clWaitForEvents(1, &raw), "clWaitForEvents");
-}
-
 // However a pass ends, the device must have stopped reading host memory before that goes.
 class FinishAtEnd {
  public:
@@ -155,7 +150,7 @@ void TileStream::for_each_mapped(const Work& work) {
   Run previous;
   const auto retire = [&] {
     if (previous.count == 0) return;
-    wait(previous.done);
+    wait_for(previous.done);
     previous.raw = Buffer();
     source_.release(previous.first, previous.count);
   };
@@ -196,7 +191,7 @@ void TileStream::for_each_read(const Work& work) {
     done[index % 2] = mark(device_);
     // The run before this one is done once its event is: its slot may be filled again.
     if (index > 0) {
-      wait(done[(index - 1) % 2]);
+      wait_for(done[(index - 1) % 2]);
       if (unified) copies[(index - 1) % 2] = Buffer();
       reader.release_before(index);
     }

@@ -47,6 +47,9 @@ Region parse_region(std::string_view text, std::string_view option);
 // As text for a report or a model's metadata: a JSON object with the parts that are set.
 std::string to_json(const Selection& selection);
 
+// The inverse. Throws an input error that names `where` for text that to_json did not make.
+Selection selection_from_json(std::string_view text, std::string_view where);
+
 // What `info` becomes under the selection. Throws an input error that names the part of the
 // selection that does not fit. A `paired` BTF takes no light selection.
 BtfInfo select(const BtfInfo& info, const Selection& selection);

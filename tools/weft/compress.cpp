@@ -1,0 +1,185 @@
+// weft compress: fits a model to a raw BTF, measures its errors and writes it.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "btf_report.hpp"
+#include "common.hpp"
+#include "job_report.hpp"
+#include "report.hpp"
+#include "selection_options.hpp"
+#include "subcommand.hpp"
+#include "weft/codecs/codec.hpp"
+#include "weft/codecs/measure.hpp"
+#include "weft/error.hpp"
+#include "weft/io/raw_btf.hpp"
+#include "weft/version.hpp"
+
+namespace weft {
+namespace {
+
+struct CompressOptions {
+  std::string input;
+  std::string output;
+  std::string codec = "pca";
+  Parameters parameters;
+  std::string storage = "f16";
+  std::string nan = "error";
+  std::uint64_t seed = 0;
+  double peak = 0;  // 0: by the data's type
+  SelectionOptions selection;
+  DeviceOptions device;
+  OutputOptions report;
+};
+
+// Options of the table of codecs that were given must belong to the chosen codec.
+void check_parameters(const Codec& codec, const Parameters& parameters) {
+  for (const auto& [name, value] : parameters) {
+    bool known = false;
+    for (const ParameterSpec& spec : codec.parameters()) known = known || spec.name == name;
+    if (!known) fail_input("--{} {}: not a parameter of codec {}", name, value, codec.name());
+  }
+}
+
+void run_compress(const CompressOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  // Everything that can be wrong with the request is found before any work.
+  if (output_kind(options.output) != OutputKind::model) {
+    fail_input("--output: '{}' does not end in .weft", options.output);
+  }
+  const std::filesystem::path folder = std::filesystem::absolute(options.output).parent_path();
+  if (!std::filesystem::is_directory(folder)) {
+    fail_input("--output: '{}': there is no folder '{}'", options.output, folder.string());
+  }
+  const Codec& codec = find_codec(options.codec);
+  check_parameters(codec, options.parameters);
+  const std::shared_ptr<TileSource> input = open_raw_btf(options.input);
+  const Selection selection = make_selection(options.selection, input->info());
+  const std::shared_ptr<TileSource> source = select(input, selection);
+  std::unique_ptr<Device> device = open_device(options.device);
+
+  ReportedJob reported(options.device, options.report);
+  Job& job = reported.job();
+  job.seed = options.seed;
+  job.nan_zero = options.nan == "zero";
+  const Storage storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
+
+  // fit
+  const Clock::time_point start = Clock::now();
+  const std::unique_ptr<Model> model =
+      device ? codec.encode(*device, *source, options.parameters, storage, job)
+             : codec.encode_reference(*source, options.parameters, storage, job);
+  const double encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  model->info.selection = to_json(selection);
+  model->info.program_version = version();
+
+  // measure the model as it is stored
+  ErrorSums sums;
+  if (device) {
+    sums = measure_errors(*device, *codec.decoder(*device, *model), *source, job);
+  } else {
+    sums = measure_errors(*codec.reference_decoder(*model), *source, job);
+  }
+  const double peak = options.peak > 0 ? options.peak : psnr_peak(source->info(), sums);
+  model->info.errors = weft::report(sums, peak);
+
+  // write
+  std::size_t size = 0;
+  {
+    const StageTimer timer(job, "write", 0, 0);
+    size = write_model(options.output, *model);
+    job.stage("write").bytes += static_cast<double>(size);
+  }
+  reported.finish_progress();
+  const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+
+  Report report;
+  report.add("input", options.input);
+  report.add("output", options.output);
+  report.add("codec", codec.name());
+  report.add("parameters", json_cell(model->info.parameters));
+  report.add("storage", options.storage);
+  report.add("selection", json_cell(model->info.selection));
+  add_btf_fields(report, model->info.btf);
+  report.add("raw_size", bytes_cell(source->info().bytes()));
+  report.add("file_size", bytes_cell(size));
+  report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
+  add_error_fields(report.section("errors"), *model->info.errors);
+  report.add("device", device_name(device));
+  report.add("encode_time", encode_seconds, "s");
+  report.add("time", seconds, "s");
+  report.add("input_rate", static_cast<double>(source->info().bytes()) / seconds / 1e6, "MB/s");
+  reported.add_fields(report);
+  add_device_fields(report, device);
+  report.print(options.report);
+}
+
+}  // namespace
+
+void add_compress(CLI::App& program, Action& action) {
+  auto options = std::make_shared<CompressOptions>();
+  CLI::App* command = program.add_subcommand("compress", "Compress a raw BTF into a model");
+  command
+      ->add_option("INPUT", options->input,
+                   "Raw BTF: .safetensors, or .npy with a .json of directions beside it")
+      ->required()
+      ->type_name("");
+  command->add_option("-o,--output", options->output, "Model to write: NAME.weft")
+      ->required()
+      ->type_name("FILE");
+  std::string names;
+  for (const Codec* codec : codecs()) {
+    names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", codec->name(), codec->summary());
+  }
+  command->add_option("--codec", options->codec, names)->type_name("NAME");
+  for (const Codec* codec : codecs()) {
+    for (const ParameterSpec& spec : codec->parameters()) {
+      const std::string flag = "--" + std::string(spec.name);
+      if (command->get_option_no_throw(flag)) continue;  // shared by several codecs
+      command
+          ->add_option_function<std::string>(
+              flag,
+              [options, name = std::string(spec.name)](const std::string& value) {
+                options->parameters[name] = value;
+              },
+              fmt::format("{} [{}]", spec.help, spec.default_value))
+          ->type_name("VALUE")
+          ->group("Codec");
+    }
+  }
+  command
+      ->add_option("--storage", options->storage,
+                   "f16 (half with a power of two per component) or f32")
+      ->check(CLI::IsMember({"f16", "f32"}))
+      ->type_name("TYPE");
+  command
+      ->add_option("--nan", options->nan,
+                   "NaN and infinite values in the input: error, or zero to read them as 0")
+      ->check(CLI::IsMember({"error", "zero"}))
+      ->type_name("CHOICE");
+  command->add_option("--seed", options->seed, "Seed of random starts")->type_name("NUMBER");
+  command
+      ->add_option("--peak", options->peak,
+                   "Peak of the PSNR; 0: 1 for 8-bit data, the largest magnitude for float data")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("NUMBER");
+  add_selection_options(*command, options->selection);
+  add_device_options(*command, options->device);
+  add_output_options(*command, options->report);
+  command->footer(
+      "Errors are measured: the model, as stored, is decoded and compared with the input. Equal\n"
+      "inputs, options and devices give equal models, whatever --memory is.\n"
+      "\n"
+      "Examples:\n"
+      "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"
+      "  weft compress cloth.safetensors --rank 100 --storage f32 --memory 1GiB -o cloth.weft\n"
+      "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
+      "  weft compress knit.npy --device reference --json -o knit.weft");
+  command->callback([options, &action] { action = [options] { run_compress(*options); }; });
+}
+
+}  // namespace weft

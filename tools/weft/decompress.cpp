@@ -1,0 +1,193 @@
+// weft decompress: a model, whole or in part, to images, NPY or a raw BTF.
+#include "weft/codecs/decompress.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "btf_report.hpp"
+#include "common.hpp"
+#include "job_report.hpp"
+#include "report.hpp"
+#include "selection_options.hpp"
+#include "subcommand.hpp"
+#include "weft/codecs/codec.hpp"
+#include "weft/codecs/decoded_source.hpp"
+#include "weft/error.hpp"
+#include "weft/io/image_folder.hpp"
+#include "weft/io/npy.hpp"
+#include "weft/io/raw_btf.hpp"
+
+namespace weft {
+namespace {
+
+struct DecompressOptions {
+  std::string model;
+  std::string output;
+  std::string format = "exr";
+  std::string compression = "zip";
+  std::string dtype;  // of the model's raw tensor, or F16 for EXR
+  std::size_t threads = 0;
+  bool replace = false;
+  SelectionOptions selection;
+  DeviceOptions device;
+  OutputOptions report;
+};
+
+DType parse_output_type(const DecompressOptions& options, DType otherwise) {
+  if (options.dtype.empty()) return otherwise;
+  if (options.dtype == "u8") return DType::u8;
+  return options.dtype == "f16" ? DType::f16 : DType::f32;
+}
+
+// The sink, and the same as image folder where it is one.
+struct Output {
+  std::unique_ptr<TileSink> sink;
+  ImageFolderSink* images = nullptr;
+};
+
+Output create_output(const DecompressOptions& options, const BtfInfo& data) {
+  BtfInfo info = data;
+  Output output;
+  switch (output_kind(options.output)) {
+    case OutputKind::folder: {
+      ImageFolderOptions folder;
+      folder.format = image_format_from_name(options.format, "--format");
+      folder.compression = exr_compression_from_name(options.compression, "--compression");
+      folder.exr_dtype = parse_output_type(options, DType::f16);
+      folder.threads = options.threads;
+      folder.replace = options.replace;
+      if (folder.format == ImageFormat::exr && folder.exr_dtype == DType::u8) {
+        fail_input("--dtype u8: EXR holds f16 or f32");
+      }
+      auto images = std::make_unique<ImageFolderSink>(options.output, info, folder);
+      output.images = images.get();
+      output.sink = std::move(images);
+      return output;
+    }
+    case OutputKind::npy:
+      info.dtype = parse_output_type(options, data.dtype);
+      output.sink = create_npy_btf(options.output, info);
+      return output;
+    case OutputKind::safetensors:
+      info.dtype = parse_output_type(options, data.dtype);
+      output.sink = create_raw_btf(options.output, info);
+      return output;
+    case OutputKind::model:
+      break;
+  }
+  fail_input("--output: '{}' names a model; a folder, .npy or .safetensors is needed",
+             options.output);
+}
+
+void run_decompress(const DecompressOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point start = Clock::now();
+  std::shared_ptr<const Model> model = read_model(options.model);
+  const Codec& codec = find_codec(model->info.codec);
+  const Selection selection = make_selection(options.selection, model->info.btf);
+  Selection part = selection;
+  part.level = 0;
+  if (!part.selects_all()) model = codec.select(*model, part);
+  std::unique_ptr<Device> device = open_device(options.device);
+  ReportedJob reported(options.device, options.report);
+  Job& job = reported.job();
+
+  // Levels above 0 and the reference's decoding go image by image.
+  std::shared_ptr<TileSource> images;
+  if (selection.level != 0 || !device) {
+    Selection level;
+    level.level = selection.level;
+    images = select(decoded_source(device.get(), model), level);
+  }
+  BtfInfo info = model->info.btf;
+  if (images) {
+    info = images->info();
+    info.dtype = model->info.btf.dtype;
+  }
+  Output output = create_output(options, info);
+  const Clock::time_point decode_start = Clock::now();
+  if (images) {
+    copy_images(*images, *output.sink, job);
+  } else {
+    decompress(*device, *model, *output.sink, job);
+  }
+  reported.finish_progress();
+  const double seconds = std::chrono::duration<double>(Clock::now() - decode_start).count();
+
+  Report report;
+  report.add("model", options.model);
+  report.add("codec", codec.name());
+  report.add("output", options.output);
+  report.add("selection", json_cell(to_json(selection)));
+  add_btf_fields(report, output.sink->info());
+  report.add("device", device_name(device));
+  const auto count = static_cast<double>(info.shape.images());
+  report.add("decode_time", seconds, "s");
+  report.add("time", std::chrono::duration<double>(Clock::now() - start).count(), "s");
+  report.add("image_rate", count / seconds, "images/s");
+  report.add("texel_rate", count * static_cast<double>(info.shape.texels()) / seconds, "texels/s");
+  if (output.images) {
+    const auto threads = static_cast<double>(output.images->threads());
+    report.add("writing_threads", output.images->threads());
+    report.add("image_bytes", bytes_cell(output.images->bytes_written()));
+    report.add("writing_busy_time", output.images->busy_seconds(), "s");
+    // Of the time that all writing threads had.
+    report.add("writing_share", output.images->busy_seconds() / (threads * seconds));
+    report.add("waited_for_writing", output.images->wait_seconds(), "s");
+  }
+  reported.add_fields(report);
+  add_device_fields(report, device);
+  report.print(options.report);
+}
+
+}  // namespace
+
+void add_decompress(CLI::App& program, Action& action) {
+  auto options = std::make_shared<DecompressOptions>();
+  CLI::App* command =
+      program.add_subcommand("decompress", "Decompress a model to images, NPY or a raw BTF");
+  command->add_option("MODEL", options->model, "Model: .weft")->required()->type_name("");
+  command
+      ->add_option("-o,--output", options->output,
+                   "A folder for images, NAME.npy, or NAME.safetensors")
+      ->required()
+      ->type_name("PATH");
+  command->add_option("--format", options->format, "Images in a folder: exr (linear light) or png")
+      ->check(CLI::IsMember({"exr", "png"}))
+      ->type_name("NAME");
+  command->add_option("--compression", options->compression, "Of EXR: none, zip or piz")
+      ->check(CLI::IsMember({"none", "zip", "piz"}))
+      ->type_name("NAME");
+  command
+      ->add_option("--dtype", options->dtype,
+                   "u8, f16 or f32; by default f16 for EXR, and the raw tensor's type otherwise")
+      ->check(CLI::IsMember({"u8", "f16", "f32"}))
+      ->type_name("TYPE");
+  command
+      ->add_option("--threads", options->threads,
+                   "Threads that encode and write images; 0: as many as the machine has")
+      ->type_name("COUNT");
+  command->add_flag("--replace", options->replace,
+                    "Let an existing folder that is not empty give way");
+  add_selection_options(*command, options->selection);
+  add_device_options(*command, options->device);
+  add_output_options(*command, options->report);
+  command->footer(
+      "Only what is selected is decoded. Values that the output's type can't hold are clamped: to\n"
+      "[0, 1] for 8 bits, to +-65504 for half.\n"
+      "\n"
+      "Examples:\n"
+      "  weft decompress cloth.weft -o images/\n"
+      "  weft decompress cloth.weft --format png --views 0,40 --lights 0-5 -o png/\n"
+      "  weft decompress cloth.weft --region 0,0,64x64 --dtype f32 -o part.npy\n"
+      "  weft decompress cloth.weft --level 2 -o small.safetensors");
+  command->callback([options, &action] { action = [options] { run_decompress(*options); }; });
+}
+
+}  // namespace weft

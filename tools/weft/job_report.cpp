@@ -1,0 +1,75 @@
+#include "job_report.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+namespace weft {
+
+ReportedJob::ReportedJob(const DeviceOptions& device, const OutputOptions& output)
+    : output_(output) {
+  job_.memory = device.memory;
+  job_.on_plan = [this](const MemoryPlan& plan) {
+    plan_ = plan;
+    if (output_.quiet) return;
+    std::string items;
+    for (const MemoryItem& item : plan.items) {
+      if (item.bytes == 0) continue;
+      items +=
+          fmt::format("{}{} {}", items.empty() ? "" : ", ", item.what, format_bytes(item.bytes));
+    }
+    fmt::print(stderr, "memory: {} of {} ({})\n", format_bytes(plan.total()),
+               format_bytes(plan.limit), items);
+  };
+  job_.progress = [this](const std::string& stage, std::size_t done, std::size_t total) {
+    if (stage != stage_) {
+      finish_progress();
+      stage_ = stage;
+      progress_ = std::make_unique<Progress>(output_, stage, total);
+    }
+    progress_->update(done);
+  };
+}
+
+void ReportedJob::finish_progress() {
+  if (progress_) progress_->finish();
+  progress_.reset();
+  stage_.clear();
+}
+
+void ReportedJob::add_fields(Report& report) const {
+  report.add("memory_limit", bytes_cell(plan_.limit));
+  report.add("memory_planned", bytes_cell(plan_.total()));
+  std::vector<std::vector<Cell>> rows;
+  for (const Stage& stage : job_.stages) {
+    const auto rate = [&](double amount) {
+      return amount > 0 && stage.seconds > 0 ? number_cell(amount / stage.seconds * 1e-9)
+                                             : Cell{"", "null", true};
+    };
+    rows.push_back(
+        {text_cell(stage.name), number_cell(stage.seconds), rate(stage.flops), rate(stage.bytes)});
+  }
+  report.table("stages", {"stage", "seconds", "gflops", "gigabytes_per_second"}, std::move(rows));
+  std::string notes;
+  for (const std::string& note : job_.notes) notes += (notes.empty() ? "" : "; ") + note;
+  if (!notes.empty()) report.add("notes", notes);
+}
+
+std::unique_ptr<Device> open_device(const DeviceOptions& options) {
+  if (options.reference()) return nullptr;
+  return std::make_unique<Device>(options.device, options.profile);
+}
+
+std::string device_name(const std::unique_ptr<Device>& device) {
+  return device ? device->limits().name : std::string("reference");
+}
+
+void add_device_fields(Report& report, const std::unique_ptr<Device>& device) {
+  if (!device) return;
+  report.add("peak_device_memory", bytes_cell(device->peak_allocated()));
+  if (!device->profile().empty()) add_profile_table(report, device->profile());
+}
+
+}  // namespace weft

@@ -1,0 +1,209 @@
+// weft verify: decodes a model on the device and by the reference and holds both against each other
+// and against the raw BTF.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "btf_report.hpp"
+#include "common.hpp"
+#include "job_report.hpp"
+#include "report.hpp"
+#include "subcommand.hpp"
+#include "weft/codecs/codec.hpp"
+#include "weft/codecs/measure.hpp"
+#include "weft/device/tile_stream.hpp"
+#include "weft/error.hpp"
+#include "weft/io/raw_btf.hpp"
+
+namespace weft {
+namespace {
+
+struct VerifyOptions {
+  std::string model;
+  std::string against;
+  double tolerance = 1;
+  std::string nan = "error";
+  DeviceOptions device;
+  OutputOptions report;
+};
+
+// The part of the raw BTF that the model was fitted to.
+std::shared_ptr<TileSource> fitted_part(const std::string& path, const Model& model) {
+  const std::shared_ptr<TileSource> source = open_raw_btf(path);
+  const Selection selection = selection_from_json(model.info.selection, "the model's selection");
+  std::shared_ptr<TileSource> part = select(source, selection);
+  const BtfShape& found = part->info().shape;
+  const BtfShape& wanted = model.info.btf.shape;
+  if (found != wanted) {
+    fail_input(
+        "--against {}: [V,L,Y,X,C] of the part that the model was fitted to is "
+        "[{},{},{},{},{}], the model's is [{},{},{},{},{}]",
+        path, found.views, found.lights, found.height, found.width, found.channels, wanted.views,
+        wanted.lights, wanted.height, wanted.width, wanted.channels);
+  }
+  return part;
+}
+
+// |device - reference| over all values.
+struct Difference {
+  double largest = 0;
+  double squares = 0;
+  std::size_t count = 0;
+
+  double rms() const { return std::sqrt(squares / static_cast<double>(count)); }
+};
+
+Difference compare(Device& device, const Codec& codec, const Model& model, Job& job) {
+  const BtfShape& shape = model.info.btf.shape;
+  const std::size_t run = image_granule(shape);
+  const std::size_t values = run * shape.image_values();
+  const auto decoder = codec.decoder(device, model);
+  const auto reference = codec.reference_decoder(model);
+  Buffer decoded(device, values * sizeof(float), "decoded images");
+  std::vector<float> on_device(values);
+  std::vector<double> by_reference(values);
+  Difference difference;
+  const StageTimer timer(job, "device against reference");
+  for (std::size_t first = 0; first < shape.images(); first += run) {
+    check_interrupt();
+    const std::size_t count = std::min(run, shape.images() - first);
+    const std::size_t size = count * shape.image_values();
+    decoder->decode(first, count, decoded);
+    device.flush();
+    reference->decode(first, count, std::span(by_reference).first(size));
+    device.read(decoded, std::span(on_device).first(size));
+    for (std::size_t i = 0; i < size; ++i) {
+      const double d = std::abs(static_cast<double>(on_device[i]) - by_reference[i]);
+      // Written so that a NaN is kept.
+      if (!(difference.largest >= d)) difference.largest = d;
+      difference.squares += d * d;
+    }
+    difference.count += size;
+    job.advance("device against reference", first + count, shape.images());
+  }
+  return difference;
+}
+
+std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors) {
+  return {text_cell(name),         number_cell(errors.rmse),     number_cell(errors.psnr),
+          number_cell(errors.snr), number_cell(errors.relative), number_cell(errors.max_error)};
+}
+
+void run_verify(const VerifyOptions& options) {
+  if (options.device.reference()) {
+    fail_input("--device reference: the check needs a device to compare the reference with");
+  }
+  const std::unique_ptr<Model> model = read_model(options.model);
+  const Codec& codec = find_codec(model->info.codec);
+  std::shared_ptr<TileSource> raw;
+  if (!options.against.empty()) raw = fitted_part(options.against, *model);
+  std::unique_ptr<Device> device = open_device(options.device);
+
+  ReportedJob reported(options.device, options.report);
+  Job& job = reported.job();
+  job.nan_zero = options.nan == "zero";
+  const std::size_t run_values =
+      image_granule(model->info.btf.shape) * model->info.btf.shape.image_values();
+  MemoryPlan plan;
+  plan.add("model on the device", codec.decoder_bytes(*model));
+  plan.add("decoded images", run_values * (2 * sizeof(float) + 2 * sizeof(double)));
+  job.plan(plan);
+
+  const double unit = codec.decode_tolerance(*model);
+  const Difference difference = compare(*device, codec, *model, job);
+  const bool agree = difference.largest <= options.tolerance * unit;
+
+  Report report;
+  report.add("model", options.model);
+  report.add("codec", codec.name());
+  report.add("device", device_name(device));
+  report.add("values", difference.count);
+  Report& check = report.section("device_against_reference");
+  check.add("largest_difference", difference.largest);
+  check.add("rms_difference", difference.rms());
+  check.add("tolerance", unit);
+  check.add("largest_in_tolerances", unit > 0 ? difference.largest / unit : 0.0);
+  check.add("rms_in_tolerances", unit > 0 ? difference.rms() / unit : 0.0);
+  check.add("allowed_tolerances", options.tolerance);
+  check.add("agree", agree);
+
+  bool as_recorded = true;
+  if (raw) {
+    const ErrorSums device_sums =
+        measure_errors(*device, *codec.decoder(*device, *model), *raw, job);
+    const ErrorSums reference_sums = measure_errors(*codec.reference_decoder(*model), *raw, job);
+    const double peak =
+        model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), device_sums);
+    const ErrorReport device_errors = weft::report(device_sums, peak);
+    std::vector<std::vector<Cell>> rows{error_row("device", device_errors),
+                                        error_row("reference", weft::report(reference_sums, peak))};
+    if (model->info.errors) {
+      rows.push_back(error_row("recorded in the model", *model->info.errors));
+      // The same sums on another device differ by rounding alone.
+      const double recorded = model->info.errors->rmse;
+      as_recorded = std::abs(device_errors.rmse - recorded) <= 1e-3 * recorded + unit;
+    }
+    report.add("against", options.against);
+    report.add("psnr_peak", peak);
+    report.table("errors", {"decoded_by", "rmse", "psnr", "snr", "relative", "max_error"},
+                 std::move(rows));
+    report.add("as_recorded", as_recorded);
+  }
+  reported.finish_progress();
+  reported.add_fields(report);
+  add_device_fields(report, device);
+  report.print(options.report);
+
+  if (!agree) {
+    fail(ErrorKind::unmet_goal,
+         "device and reference differ by {:.4g}, {:.4g} times the tolerance of {:.4g}; allowed are "
+         "{}",
+         difference.largest, difference.largest / unit, unit, options.tolerance);
+  }
+  if (!as_recorded) {
+    fail(ErrorKind::unmet_goal,
+         "{} is not what {} was fitted to: its errors differ from the recorded", options.against,
+         options.model);
+  }
+}
+
+}  // namespace
+
+void add_verify(CLI::App& program, Action& action) {
+  auto options = std::make_shared<VerifyOptions>();
+  CLI::App* command = program.add_subcommand(
+      "verify", "Check a model: device against reference, and both against the raw BTF");
+  command->add_option("MODEL", options->model, "Model: .weft")->required()->type_name("");
+  command
+      ->add_option("--against", options->against,
+                   "Raw BTF that the model was made of; the model's selection of it is taken")
+      ->type_name("FILE");
+  command
+      ->add_option("--tolerance", options->tolerance,
+                   "Largest difference allowed, in units of the derived rounding bound")
+      ->check(CLI::PositiveNumber)
+      ->type_name("NUMBER");
+  command
+      ->add_option("--nan", options->nan,
+                   "NaN and infinite values in the raw BTF: error, or zero to read them as 0")
+      ->check(CLI::IsMember({"error", "zero"}))
+      ->type_name("CHOICE");
+  add_device_options(*command, options->device);
+  add_output_options(*command, options->report);
+  command->footer(
+      "The tolerance is the worst that float rounding can do in the codec's decoding formula, "
+      "from\n"
+      "the number of terms and the magnitudes in the model. Exit status 1 beyond it.\n"
+      "\n"
+      "Examples:\n"
+      "  weft verify cloth.weft\n"
+      "  weft verify cloth.weft --against cloth.safetensors --json");
+  command->callback([options, &action] { action = [options] { run_verify(*options); }; });
+}
+
+}  // namespace weft
