@@ -3,7 +3,9 @@
 //   [ guard, a multiple of the device's alignment | contents, `bytes` | guard ]
 //
 // The contents begin as 0xFF bytes, which are NaN as float or half, so that what a kernel forgets
-// to write is seen.
+// to write is seen. On the simulator, which watches bounds and uninitialised memory itself, there
+// are no guards, and the contents are left as they are: it would take guards for legal and a fill
+// for values.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -17,6 +19,9 @@
 
 namespace weft::test {
 
+// Whether a device is the Oclgrind simulator.
+bool is_simulator(const Device& device);
+
 class GuardedBuffer {
  public:
   GuardedBuffer(Device& device, std::size_t bytes, std::string what);
@@ -25,17 +30,17 @@ class GuardedBuffer {
   template <typename T>
   GuardedBuffer(Device& device, std::span<const T> values, std::string what)
       : GuardedBuffer(device, values.size_bytes(), std::move(what)) {
-    device.write(contents_, values);
+    device.write(buffer(), values);
   }
 
-  Buffer& buffer() { return contents_; }
-  const Buffer& buffer() const { return contents_; }
+  Buffer& buffer() { return guarded_ ? contents_ : whole_; }
+  const Buffer& buffer() const { return guarded_ ? contents_ : whole_; }
 
   // The contents after all work that was enqueued.
   template <typename T>
   std::vector<T> values() {
-    std::vector<T> out(contents_.size() / sizeof(T));
-    device_->read(contents_, std::span<T>(out));
+    std::vector<T> out(buffer().size() / sizeof(T));
+    device_->read(buffer(), std::span<T>(out));
     return out;
   }
 
@@ -45,6 +50,7 @@ class GuardedBuffer {
  private:
   Device* device_;
   std::string what_;
+  bool guarded_ = true;
   std::size_t front_ = 0;
   Buffer whole_;
   Buffer contents_;

@@ -141,6 +141,7 @@ void TileStream::for_each(const Work& work) {
 
 void TileStream::for_each_mapped(const Work& work) {
   const std::size_t images = source_.info().shape.images();
+  const FinishAtEnd finish_at_end(device_);
   struct Run {
     std::size_t first = 0;
     std::size_t count = 0;
