@@ -14,6 +14,7 @@ extern const KernelSource decode_pca;
 extern const KernelSource error_sums;
 extern const KernelSource gemm;
 extern const KernelSource gram;
+extern const KernelSource peak;
 extern const KernelSource scan_tile;
 extern const KernelSource transcode_tile;
 extern const KernelSource weave;
