@@ -142,7 +142,8 @@ TEST(NpyBtf, ReadsDirectionsInAllForms) {
         R"([{"theta":0,"phi":0},{"theta":36.86989764584402,"phi":0,"name":"x"}])",
         R"([[0,0],[36.86989764584402,0]])"}) {
     write_pair(folder, fmt::format(R"({{"views":{},"lights":[[0,0]],"other":[1,{{}}]}})", views));
-    const BtfInfo& info = open_raw_btf(folder / "a.npy")->info();
+    const auto source = open_raw_btf(folder / "a.npy");
+    const BtfInfo& info = source->info();
     EXPECT_EQ(info.encoding, Encoding::srgb);
     EXPECT_EQ(info.quantity, Quantity::radiance);
     EXPECT_EQ(info.layout, Layout::grid);

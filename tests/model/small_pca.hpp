@@ -19,7 +19,7 @@ inline PcaModel small_pca(Storage storage, std::size_t rank = 2, double magnitud
   model.info.btf.quantity = Quantity::brdf;
   model.info.btf.source = "a \"capture\"";
   model.info.btf.mask.assign(shape.views * shape.texels(), 1);
-  model.info.btf.mask[3] = 0;
+  model.info.btf.mask.back() = 0;
   for (std::size_t c = 0; c < shape.channels; ++c) {
     model.info.btf.channel_names.push_back("channel " + std::to_string(c));
   }
