@@ -78,6 +78,8 @@ std::unique_ptr<PcaModel> encode_pca(TileSource& source, std::size_t rank, Job& 
     });
   }
 
+  const double mean_rounding = 0x1p-24 * mean.norm() * std::sqrt(static_cast<double>(texels));
+
   // Krylov iteration
   const StageTimer timer(job, "iteration");
   std::vector<float> random(texels * block);
@@ -147,7 +149,9 @@ std::unique_ptr<PcaModel> encode_pca(TileSource& source, std::size_t rank, Job& 
   }
 
   // leading components that the data holds
-  const double floor = sigma.size() > 0 ? sigma[0] * 1e-12 : 0;
+  // What the mean's rounding to float leaves is not a component.
+  const double largest = sigma.size() > 0 ? sigma[0] : 0;
+  const double floor = std::max(largest * 1e-12, mean_rounding);
   Eigen::Index k = 0;
   while (k < std::min(index(rank), sigma.size()) && sigma[k] > floor) ++k;
   auto model = std::make_unique<PcaModel>();
