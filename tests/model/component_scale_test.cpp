@@ -116,6 +116,11 @@ TEST(ComponentScale, EdgesOfTheRange) {
     round_to_scaled_half(again, layout);
     EXPECT_EQ(bits_of(again), bits_of(values)) << value;
   }
+  // The nearest half is the power of two, also for the largest value of a component.
+  std::vector<float> carried{below, 0x1p-21f};
+  round_to_scaled_half(carried, {1, 1, 2});
+  EXPECT_EQ(carried[0], 0x1p-20f);
+  EXPECT_EQ(carried[1], 0x1p-21f);
   std::vector<float> smallest{denorm_min, -denorm_min, 2 * denorm_min};
   const std::vector<float> wanted = smallest;
   round_to_scaled_half(smallest, {1, 1, 3});

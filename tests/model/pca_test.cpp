@@ -83,16 +83,18 @@ TEST(PcaModel, RoundingIsRelativeToEachComponent) {
 
 TEST(PcaModel, DecodesByTheFormula) {
   PcaModel model;
-  model.info.btf = test::make_info({2, 1, 1, 2, 2});
+  model.info.btf = test::make_info({2, 1, 2, 3, 2});
   model.rank = 2;
-  model.mean = {10, 20, 30, 40};                   // [V, L, C]
-  model.coefficients = {1, 2, 3, 4};               // [P, k]
-  model.basis = {1, 2, 3, 4, 100, 200, 300, 400};  // [k, V, L, C]
+  model.mean = {10, 20, 30, 40};                              // [V, L, C]
+  model.coefficients = {1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 5, 5};  // [P, k]
+  model.basis = {1, 2, 3, 4, 100, 200, 300, 400};             // [k, V, L, C]
   std::vector<double> out(2);
   model.decode_texel(0, 0, 0, 0, out);
   EXPECT_EQ(out, (std::vector<double>{10 + 1 + 200, 20 + 2 + 400}));
   model.decode_texel(1, 0, 0, 1, out);
   EXPECT_EQ(out, (std::vector<double>{30 + 3 * 3 + 4 * 300, 40 + 3 * 4 + 4 * 400}));
+  model.decode_texel(1, 0, 1, 0, out);  // texel 3
+  EXPECT_EQ(out, (std::vector<double>{30 + 7 * 3 + 8 * 300, 40 + 7 * 4 + 8 * 400}));
 }
 
 TEST(PcaModel, TensorsThatDoNotFitEachOtherAreRefused) {

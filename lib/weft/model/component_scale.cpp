@@ -30,8 +30,8 @@ float scale_for(float largest) {
   int exponent = 0;
   std::frexp(largest, &exponent);  // largest = m 2^exponent, m in [1/2, 1)
   exponent = std::max(exponent - 15, min_exponent);
-  // Where rounding to half reaches 2^15, the next scale is right: its halves round to the same
-  // values, and scaling the rounded values again gives the same scale.
+  // Where rounding to half reaches 2^15, the next scale holds the rounded value, and gives itself
+  // again when the rounded values are scaled.
   if (float_to_half(std::ldexp(largest, -exponent)) >= half_2_to_15) ++exponent;
   return std::ldexp(1.0f, std::min(exponent, max_exponent));
 }
