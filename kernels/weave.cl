@@ -14,8 +14,8 @@
 //   color      float4  [rows][columns]  albedo r, g, b, index of the lobe
 //   lobes      float   [lobe][8]        f0 r, g, b, f90, roughness along, across, 0, 0
 //   lights     float8  [chunk][6]       x, y, z of 8 unit vectors; x, y, z of their marching steps
-//   hits       float4  [texel][sample][4], for the texels of one band:
-//                x, y, z, lobe | normal x, y, z, 0 | fibre x, y, z, 0 | albedo r, g, b, 0
+//   hits       float   [texel][sample][13], for a band, a rectangle of texels, row by row:
+//                x, y, z, lobe | normal x, y, z | fibre x, y, z | albedo r, g, b
 //   out        VALUE   [light][texel][3], for the same band
 //
 // Every value depends on its own view, light, texel and sample alone, in a fixed order: the same bits
@@ -38,6 +38,9 @@
 #else
 #define VALUE float
 #endif
+
+// Values of a hit.
+#define HIT_VALUES 13
 
 // 1 / pi
 #define INV_PI 0.318309886f
@@ -100,26 +103,30 @@ uint mix_bits(uint h) {
   return h ^ (h >> 16);
 }
 
-// Work-item: one sample of one texel of the band [first_texel, first_texel + texels).
+// Work-item: one sample (dimension 2) of the texel at a column (0) and a row (1) of the band, which
+// begins at first_column and first_row of the image.
 // Point k of its ray is p + start + k step, from the highest elevation (k = 0) to the lowest
 // (k = steps); p is the sample's point of the reference plane.
 kernel void weave_hits(global const float* restrict elevation, global const float4* restrict shape,
                        global const float4* restrict color, uint columns, uint rows, ulong width,
                        ulong height, float columns_per_texel, float rows_per_texel,
-                       ulong first_texel, ulong texels, uint samples, uint view_key, float start_x,
-                       float start_y, float start_z, float step_x, float step_y, float step_z,
-                       uint steps, global float4* restrict hits) {
-  const ulong item = get_global_id(0);
-  if (item >= texels * samples) return;
-  const ulong texel = first_texel + item / samples;
-  const uint sample = (uint)(item % samples);
+                       ulong first_column, ulong band_columns, ulong first_row, ulong band_rows,
+                       uint samples, uint view_key, float start_x, float start_y, float start_z,
+                       float step_x, float step_y, float step_z, uint steps,
+                       global float* restrict hits) {
+  const ulong band_column = get_global_id(0), band_row = get_global_id(1);
+  const uint sample = (uint)get_global_id(2);
+  if (band_column >= band_columns || band_row >= band_rows || sample >= samples) return;
+  const ulong item = (band_row * band_columns + band_column) * samples + sample;
+  const ulong texel_column = first_column + band_column, texel_row = first_row + band_row;
+  const ulong texel = texel_row * width + texel_column;
 
   // Where in the texel: a Kronecker sequence shifted by a hash of view and texel.
   const uint key = mix_bits(view_key ^ mix_bits((uint)texel ^ mix_bits((uint)(texel >> 32))));
   const uint u = mix_bits(key ^ 0x68bc21ebu) + sample * 3242174889u;
   const uint v = mix_bits(key ^ 0x02e5be93u) + sample * 2447445414u;
   const float unit = 0x1p-24f;
-  const float column = (float)(texel % width), top = (float)(height - texel / width);
+  const float column = (float)texel_column, top = (float)(height - texel_row);
   const float x = (column + (float)(u >> 8) * unit) * columns_per_texel + start_x;
   const float y = (top - (float)(v >> 8) * unit) * rows_per_texel + start_y;
 
@@ -163,19 +170,31 @@ kernel void weave_hits(global const float* restrict elevation, global const floa
   const uint nearest =
       p.fy >= 0.5f ? (p.fx >= 0.5f ? p.i11 : p.i01) : (p.fx >= 0.5f ? p.i10 : p.i00);
   const float lobe = color[nearest].w;
-  const float nz = sqrt(max(1 - form.x * form.x - form.y * form.y, 1e-4f));
-  const float3 straight = (float3)(form.x, form.y, nz);
-  const float3 n = straight / sqrt(dot(straight, straight));
+  const float upright = sqrt(max(1 - form.x * form.x - form.y * form.y, 1e-4f));
+  const float length = sqrt(form.x * form.x + form.y * form.y + upright * upright);
+  const float nx = form.x / length, ny = form.y / length, nz = upright / length;
   // Fibres of crossing yarns may cancel each other between two samples.
-  const float2 fibre = form.zw / sqrt(max(form.z * form.z + form.w * form.w, 1e-8f));
-  const float3 lean = (float3)(fibre, 0) - (n.x * fibre.x + n.y * fibre.y) * n;
-  const float3 along = lean / max(sqrt(dot(lean, lean)), 1e-4f);
+  const float fibre = sqrt(max(form.z * form.z + form.w * form.w, 1e-8f));
+  const float fx = form.z / fibre, fy = form.w / fibre;
+  // Of the fibre's direction, the part perpendicular to the normal.
+  const float lean = nx * fx + ny * fy;
+  const float tx = fx - lean * nx, ty = fy - lean * ny, tz = -lean * nz;
+  const float aside = max(sqrt(tx * tx + ty * ty + tz * tz), 1e-4f);
 
-  global float4* hit = hits + 4 * item;
-  hit[0] = (float4)(hit_x, hit_y, hit_z, lobe);
-  hit[1] = (float4)(n, 0);
-  hit[2] = (float4)(along, 0);
-  hit[3] = (float4)(albedo.xyz, 0);
+  global float* hit = hits + HIT_VALUES * item;
+  hit[0] = hit_x;
+  hit[1] = hit_y;
+  hit[2] = hit_z;
+  hit[3] = lobe;
+  hit[4] = nx;
+  hit[5] = ny;
+  hit[6] = nz;
+  hit[7] = tx / aside;
+  hit[8] = ty / aside;
+  hit[9] = tz / aside;
+  hit[10] = albedo.x;
+  hit[11] = albedo.y;
+  hit[12] = albedo.z;
 }
 
 #if OUTPUT == 0
@@ -204,7 +223,7 @@ float8 encoded(float8 x) {
 
 // Work-item: one texel of the band (dimension 0) under 8 lights (dimension 1).
 kernel void weave_shade(global const float* restrict elevation, uint columns, uint rows,
-                        float highest, float bias, global const float4* restrict hits,
+                        float highest, float bias, global const float* restrict hits,
                         global const float* restrict lobes, global const float8* restrict lights,
                         ulong light_count, float view_x, float view_y, float view_z, ulong texels,
                         uint samples, global VALUE* restrict out) {
@@ -214,25 +233,24 @@ kernel void weave_shade(global const float* restrict elevation, uint columns, ui
   const float8 lx = lights[6 * chunk], ly = lights[6 * chunk + 1], lz = lights[6 * chunk + 2];
   const float8 step_x = lights[6 * chunk + 3], step_y = lights[6 * chunk + 4],
                step_z = lights[6 * chunk + 5];
-  const float3 view = (float3)(view_x, view_y, view_z);
 
   float8 red = 0, green = 0, blue = 0;
   for (uint s = 0; s < samples; ++s) {
-    global const float4* hit = hits + 4 * (texel * samples + s);
-    const float4 place = hit[0];
-    const float3 n = hit[1].xyz, t = hit[2].xyz;
-    const float3 b = cross(n, t);
-    const float8 nl = n.x * lx + n.y * ly + n.z * lz;
+    global const float* hit = hits + HIT_VALUES * (texel * samples + s);
+    const float x = hit[0], y = hit[1], z0 = hit[2] + bias;
+    const float nx = hit[4], ny = hit[5], nz = hit[6];
+    const float tx = hit[7], ty = hit[8], tz = hit[9];
+    const float bx = ny * tz - nz * ty, by = nz * tx - nx * tz, bz = nx * ty - ny * tx;
+    const float8 nl = nx * lx + ny * ly + nz * lz;
 
     // Shadow rays: a lane marches until it is above everything or below the surface.
     const int8 faces = nl > 0;
     int8 lit = faces;
     int8 marching = faces;
-    const float z0 = place.z + bias;
     for (float k = 1; any(marching); ++k) {
       const float8 z = z0 + k * step_z;
       marching &= z < highest;
-      const float8 ground = elevation_at8(elevation, place.x + k * step_x, place.y + k * step_y,
+      const float8 ground = elevation_at8(elevation, x + k * step_x, y + k * step_y,
                                           columns, rows);
       const int8 blocked = marching & (z < ground);
       lit &= ~blocked;
@@ -241,22 +259,23 @@ kernel void weave_shade(global const float* restrict elevation, uint columns, ui
     if (!any(lit)) continue;
 
     // The glossy lobe, with h = (v + l) / |v + l|, so that v.h = |v + l| / 2.
-    const float nv = dot(n, view);
+    const float nv = nx * view_x + ny * view_y + nz * view_z;
     float8 gloss = 0, grazing = 0;
-    global const float* lobe = lobes + 8 * (uint)place.w;
+    global const float* lobe = lobes + 8 * (uint)hit[3];
     const float along = lobe[4], across = lobe[5];
     if (nv > 0) {
-      const float vt = along * dot(t, view), vb = across * dot(b, view);
-      const float8 lt = t.x * lx + t.y * ly + t.z * lz;
-      const float8 lb = b.x * lx + b.y * ly + b.z * lz;
+      const float vt = tx * view_x + ty * view_y + tz * view_z;
+      const float vb = bx * view_x + by * view_y + bz * view_z;
+      const float8 lt = tx * lx + ty * ly + tz * lz;
+      const float8 lb = bx * lx + by * ly + bz * lz;
       const float8 hx = view_x + lx, hy = view_y + ly, hz = view_z + lz;
       const float8 hh = hx * hx + hy * hy + hz * hz;
-      const float8 ht = (dot(t, view) + lt) / along;
-      const float8 hb = (dot(b, view) + lb) / across;
+      const float8 ht = (vt + lt) / along;
+      const float8 hb = (vb + lb) / across;
       const float8 hn = nv + nl;
       const float8 spread = (ht * ht + hb * hb + hn * hn) / hh;
       const float8 distribution = INV_PI / (along * across * spread * spread);
-      const float view_length = sqrt(vt * vt + vb * vb + nv * nv);
+      const float view_length = sqrt(along * along * vt * vt + across * across * vb * vb + nv * nv);
       const float8 light_length =
           sqrt(along * along * lt * lt + across * across * lb * lb + nl * nl);
       gloss = distribution * 0.5f / (nl * view_length + nv * light_length);
@@ -267,9 +286,9 @@ kernel void weave_shade(global const float* restrict elevation, uint columns, ui
     const float8 rest = 1 - grazing;
     const float8 weight = select((float8)(0), nl, lit);
     gloss = select((float8)(0), gloss, lit);
-    red += weight * (hit[3].x * INV_PI + gloss * (lobe[0] * rest + f90));
-    green += weight * (hit[3].y * INV_PI + gloss * (lobe[1] * rest + f90));
-    blue += weight * (hit[3].z * INV_PI + gloss * (lobe[2] * rest + f90));
+    red += weight * (hit[10] * INV_PI + gloss * (lobe[0] * rest + f90));
+    green += weight * (hit[11] * INV_PI + gloss * (lobe[1] * rest + f90));
+    blue += weight * (hit[12] * INV_PI + gloss * (lobe[2] * rest + f90));
   }
 
   const float scale = 1.0f / (float)samples;

@@ -75,20 +75,19 @@ DType parse_dtype(const std::string& name) {
   fail_input("--dtype: '{}' is not u8, f16 or f32", name);
 }
 
-std::unique_ptr<TileSink> create_output(const std::string& output, const BtfInfo& info) {
-  switch (output_kind(output)) {
-    case OutputKind::safetensors:
-      return create_raw_btf(output, info);
-    case OutputKind::npy:
-      return create_npy_btf(output, info);
-    default:
-      fail_input("--output: '{}' does not end in .safetensors or .npy", output);
+// Whether the output is NAME.npy, or else NAME.safetensors.
+bool is_npy_output(const std::string& output) {
+  const OutputKind kind = output_kind(output);
+  if (kind != OutputKind::npy && kind != OutputKind::safetensors) {
+    fail_input("--output: '{}' does not end in .safetensors or .npy", output);
   }
+  return kind == OutputKind::npy;
 }
 
 void run_synth(const SynthOptions& options) {
   // Everything that can be wrong with the request is found before any work.
   const ImageSize size = parse_image_size(options.size);
+  const bool npy = is_npy_output(options.output);
   BtfInfo info;
   info.dtype = parse_dtype(options.dtype);
   info.encoding = info.dtype == DType::u8 ? Encoding::srgb : Encoding::linear;
@@ -107,7 +106,8 @@ void run_synth(const SynthOptions& options) {
 
   std::optional<Device> device;
   if (!options.device.reference()) device.emplace(options.device.device, options.device.profile);
-  const std::unique_ptr<TileSink> sink = create_output(options.output, info);
+  const std::unique_ptr<TileSink> sink =
+      npy ? create_npy_btf(options.output, info) : create_raw_btf(options.output, info);
 
   const auto start = std::chrono::steady_clock::now();
   const std::size_t resolution = surface_resolution(std::max(size.width, size.height));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -45,7 +46,8 @@ std::string build_options(DType dtype) {
 // How a render is cut: runs of lights of one view, and bands of texels within them.
 struct Cut {
   std::size_t lights = 1;  // images in a run
-  std::size_t texels = 1;  // in a band
+  std::size_t rows = 1;    // of a band
+  std::size_t columns = 1;
 };
 
 Cut plan(const Device& device, const BtfInfo& info, const WeaveRenderOptions& options) {
@@ -65,9 +67,25 @@ Cut plan(const Device& device, const BtfInfo& info, const WeaveRenderOptions& op
         allocation);
   }
   const std::size_t tile = std::clamp<std::size_t>(options.tile_bytes, 1, allocation);
-  cut.texels = std::clamp<std::size_t>(std::min(tile / hit_bytes, allocation / out_bytes), 1,
-                                       shape.texels());
+  const std::size_t texels = std::min(tile / hit_bytes, allocation / out_bytes);
+  cut.columns = std::clamp<std::size_t>(texels, 1, shape.width);
+  cut.rows = std::clamp<std::size_t>(texels / shape.width, 1, shape.height);
   return cut;
+}
+
+// Copies a band's values, [image][row][column][3], into their places in the images.
+void place_band(std::span<const std::byte> values, const TexelBand& band, const BtfInfo& info,
+                std::span<std::byte> images) {
+  const std::size_t texel_bytes = 3 * size_of(info.dtype);
+  const std::size_t row_bytes = band.columns * texel_bytes;
+  const std::size_t count = values.size() / (band.rows * row_bytes);
+  for (std::size_t image = 0; image < count; ++image) {
+    for (std::size_t row = 0; row < band.rows; ++row) {
+      const std::size_t texel = (band.first_row + row) * info.shape.width + band.first_column;
+      std::memcpy(&images[image * info.image_bytes() + texel * texel_bytes],
+                  &values[(image * band.rows + row) * row_bytes], row_bytes);
+    }
+  }
 }
 
 }  // namespace
@@ -104,13 +122,15 @@ void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurfa
                 static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
                 static_cast<cl_ulong>(shape.width), static_cast<cl_ulong>(shape.height),
                 narrow(columns_per_texel), narrow(rows_per_texel),
-                static_cast<cl_ulong>(band.first), static_cast<cl_ulong>(band.count),
+                static_cast<cl_ulong>(band.first_column), static_cast<cl_ulong>(band.columns),
+                static_cast<cl_ulong>(band.first_row), static_cast<cl_ulong>(band.rows),
                 static_cast<cl_uint>(options.samples), view_key(options.seed, view),
                 narrow(march.start_x), narrow(march.start_y), narrow(march.start_z),
                 narrow(march.step_x), narrow(march.step_y), narrow(march.step_z),
                 static_cast<cl_uint>(march.steps), hits);
-  const std::array<std::size_t, 1> local = {group_size(device)};
-  const std::array<std::size_t, 1> global = {round_up(band.count * options.samples, local[0])};
+  const std::array<std::size_t, 3> local = {group_size(device), 1, 1};
+  const std::array<std::size_t, 3> global = {round_up(band.columns, local[0]), band.rows,
+                                             options.samples};
   device.launch(kernel, global, local);
 }
 
@@ -142,9 +162,9 @@ void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurf
                 static_cast<cl_uint>(surface.rows), surface.highest, narrow(shadow_bias(surface)),
                 hits, tables.lobes(), lights, static_cast<cl_ulong>(light_count),
                 narrow(to_view[0]), narrow(to_view[1]), narrow(to_view[2]),
-                static_cast<cl_ulong>(band.count), static_cast<cl_uint>(options.samples), out);
+                static_cast<cl_ulong>(band.texels()), static_cast<cl_uint>(options.samples), out);
   const std::array<std::size_t, 2> local = {group_size(device), 1};
-  const std::array<std::size_t, 2> global = {round_up(band.count, local[0]),
+  const std::array<std::size_t, 2> global = {round_up(band.texels(), local[0]),
                                              (light_count + lanes - 1) / lanes};
   device.launch(kernel, global, local);
 }
@@ -158,12 +178,13 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
   const std::size_t texel_bytes = 3 * size_of(info.dtype);
 
   const DeviceSurface tables(device, surface);
-  Buffer hits(device, cut.texels * options.samples * weave_hit_bytes, "view rays' hits");
-  Buffer out(device, cut.lights * cut.texels * texel_bytes, "rendered texels");
+  Buffer hits(device, cut.rows * cut.columns * options.samples * weave_hit_bytes,
+              "view rays' hits");
+  Buffer out(device, cut.lights * cut.rows * cut.columns * texel_bytes, "rendered texels");
   Buffer lights(device, round_up(cut.lights, lanes) * values_per_light * sizeof(float), "lights");
 
   std::vector<std::byte> done(cut.lights * info.image_bytes()), next(done.size());
-  std::vector<std::byte> band_values(cut.lights * cut.texels * texel_bytes);
+  std::vector<std::byte> band_values(cut.lights * cut.rows * cut.columns * texel_bytes);
   std::size_t done_first = 0, done_count = 0;
   std::size_t packed_first = shape.lights;  // none yet
   std::size_t packed_count = 0;
@@ -176,8 +197,17 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
     done_count = 0;
   };
 
+  // The image is cut into bands, once for all views and runs.
+  std::vector<TexelBand> bands;
+  for (std::size_t row = 0; row < shape.height; row += cut.rows) {
+    for (std::size_t column = 0; column < shape.width; column += cut.columns) {
+      bands.push_back({row, std::min(cut.rows, shape.height - row), column,
+                       std::min(cut.columns, shape.width - column)});
+    }
+  }
+
   for (std::size_t view = 0; view < shape.views; ++view) {
-    TexelBand traced;
+    std::optional<TexelBand> traced;  // what `hits` holds
     for (std::size_t first = 0; first < shape.lights; first += cut.lights) {
       const std::size_t count = std::min(cut.lights, shape.lights - first);
       if (packed_first != first || packed_count != count) {
@@ -186,10 +216,9 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
         packed_first = first;
         packed_count = count;
       }
-      for (std::size_t texel = 0; texel < shape.texels(); texel += cut.texels) {
+      for (const TexelBand& band : bands) {
         check_interrupt();
-        const TexelBand band{texel, std::min(cut.texels, shape.texels() - texel)};
-        if (traced.first != band.first || traced.count != band.count) {
+        if (traced != band) {
           launch_weave_hits(device, surface, tables, info, options, view, band, hits);
           traced = band;
         }
@@ -198,14 +227,10 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
         device.flush();
         // While the device works, the run before is written.
         write_done();
-        // Put the band into its place in every image.
-        const std::size_t bytes = band.count * texel_bytes;
-        const std::span<std::byte> values = std::span(band_values).first(count * bytes);
+        const std::span<std::byte> values =
+            std::span(band_values).first(count * band.texels() * texel_bytes);
         device.read(out, 0, values);
-        for (std::size_t i = 0; i < count; ++i) {
-          std::memcpy(&next[i * info.image_bytes() + texel * texel_bytes], &values[i * bytes],
-                      bytes);
-        }
+        place_band(values, band, info, next);
       }
       std::swap(done, next);
       done_first = view * shape.lights + first;

@@ -27,16 +27,18 @@ class DeviceSurface {
   Buffer elevation_, shape_, color_, lobes_;
 };
 
-// A band: consecutive texels of an image, counted row by row.
+// A band: whole rows of an image, or a part of one row.
 struct TexelBand {
-  std::size_t first = 0;
-  std::size_t count = 0;
+  std::size_t first_row = 0, rows = 1;
+  std::size_t first_column = 0, columns = 1;
+  std::size_t texels() const { return rows * columns; }
+  bool operator==(const TexelBand&) const = default;
 };
 
 // Bytes of weave_hits' output per texel and sample.
-inline constexpr std::size_t weave_hit_bytes = 64;
+inline constexpr std::size_t weave_hit_bytes = 13 * sizeof(float);
 
-// Traces the view rays of a band of texels. hits: band.count * samples records.
+// Traces the view rays of a band of texels. hits: band.texels() * samples records.
 void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
                        const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
                        TexelBand band, Buffer& hits);

@@ -1,0 +1,196 @@
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "support/generators.hpp"
+#include "support/temporary_folder.hpp"
+#include "tools/weft_process.hpp"
+#include "weft/btf/directions.hpp"
+#include "weft/io/raw_btf.hpp"
+
+namespace weft::test {
+namespace {
+
+std::string bytes_of(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::vector<double> values_of(const std::filesystem::path& path) {
+  const auto source = open_raw_btf(path);
+  const BtfInfo& info = source->info();
+  std::vector<std::byte> bytes(info.bytes());
+  source->read(0, info.shape.images(), bytes);
+  return decode_values(bytes, info.dtype);
+}
+
+TEST(Synth, RendersARawBtf) {
+  const TemporaryFolder folder;
+  const std::string output = (folder / "cloth.safetensors").string();
+  const ProcessResult result =
+      run_weft({"synth", "--size", "12x8", "--view-set", "3", "--light-set", "ubo81", "--samples",
+                "2", "--dtype", "f16", "--seed", "5", "--json", "-o", output});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const nlohmann::json report = nlohmann::json::parse(result.out);
+  EXPECT_EQ(report.at("shape"), nlohmann::json({3, 81, 8, 12, 3}));
+  EXPECT_EQ(report.at("file_size"), std::filesystem::file_size(output));
+  EXPECT_EQ(report.at("samples"), 2);
+  EXPECT_GT(report.at("rate").get<double>(), 0);
+
+  const auto source = open_raw_btf(output);
+  const BtfInfo& info = source->info();
+  EXPECT_EQ(info.shape, (BtfShape{3, 81, 8, 12, 3}));
+  EXPECT_EQ(info.dtype, DType::f16);
+  EXPECT_EQ(info.encoding, Encoding::linear);
+  EXPECT_EQ(info.quantity, Quantity::radiance);
+  EXPECT_EQ(info.view_directions, even_directions(3));
+  EXPECT_EQ(info.light_directions, ubo81_directions());
+  EXPECT_EQ(info.channel_names, (std::vector<std::string>{"R", "G", "B"}));
+  EXPECT_NE(info.source.find("--seed 5"), std::string::npos) << info.source;
+  double sum = 0;
+  for (const double value : values_of(output)) {
+    ASSERT_TRUE(std::isfinite(value) && value >= 0);
+    sum += value;
+  }
+  EXPECT_GT(sum, 0);
+}
+
+TEST(Synth, EncodingFollowsTheDtype) {
+  const TemporaryFolder folder;
+  const std::vector<std::string> common = {"synth",       "--size", "4", "--view-set", "2",
+                                           "--light-set", "2",      "-o"};
+  for (const std::string dtype : {"u8", "f16", "f32"}) {
+    const std::string output = (folder / (dtype + ".npy")).string();
+    std::vector<std::string> arguments = common;
+    arguments.insert(arguments.end(), {output, "--dtype", dtype, "--quiet"});
+    const ProcessResult result = run_weft(arguments);
+    ASSERT_EQ(result.status, 0) << result.err;
+    EXPECT_EQ(result.out + result.err, "");
+    EXPECT_EQ(open_raw_btf(output)->info().encoding,
+              dtype == "u8" ? Encoding::srgb : Encoding::linear);
+  }
+}
+
+TEST(Synth, SameOptionsGiveTheSameFileWhateverTheMemory) {
+  const TemporaryFolder folder;
+  const auto render = [&folder](const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"synth", "--size",      "16", "--view-set",
+                                          "3",     "--light-set", "20", "--samples",
+                                          "2",     "--quiet",     "-o", (folder / name).string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = run_weft(arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    return bytes_of(folder / name);
+  };
+  const std::string whole = render("a.safetensors", {});
+  EXPECT_EQ(render("b.safetensors", {"--memory", "64KiB"}), whole);
+  EXPECT_EQ(render("c.safetensors", {"--memory", "1"}), whole);
+  EXPECT_NE(render("d.safetensors", {"--seed", "1"}), whole);
+}
+
+TEST(Synth, ReferenceNeedsNoDevice) {
+  const TemporaryFolder folder;
+  const std::vector<std::string> common = {"synth",       "--size", "8", "--view-set", "3",
+                                           "--light-set", "5",      "-o"};
+  std::vector<std::string> arguments = common;
+  arguments.insert(arguments.end(),
+                   {(folder / "reference.npy").string(), "--device", "reference", "--json"});
+  const std::map<std::string, std::string> no_device = {
+      {"OCL_ICD_VENDORS", folder.path().string() + "/"}};
+  const ProcessResult result = run_weft(arguments, no_device);
+  ASSERT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(nlohmann::json::parse(result.out).at("device"), "reference");
+
+  // The device makes the same picture; few samples fall to the other side of an edge.
+  arguments = common;
+  arguments.insert(arguments.end(), {(folder / "device.npy").string(), "--quiet"});
+  ASSERT_EQ(run_weft(arguments).status, 0);
+  const std::vector<double> a = values_of(folder / "reference.npy");
+  const std::vector<double> b = values_of(folder / "device.npy");
+  double difference = 0, sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    difference += std::abs(a[i] - b[i]);
+    sum += a[i];
+  }
+  EXPECT_LT(difference, 0.01 * sum);
+
+  // Without --device reference, that place has no device to offer.
+  arguments = common;
+  arguments.push_back((folder / "none.npy").string());
+  EXPECT_EQ(run_weft(arguments, no_device).status, 3);
+  EXPECT_FALSE(std::filesystem::exists(folder / "none.npy"));
+}
+
+TEST(Synth, RefusesBadOptions) {
+  const TemporaryFolder folder;
+  const std::string output = (folder / "cloth.safetensors").string();
+  struct Case {
+    std::vector<std::string> arguments;
+    std::string message;
+  };
+  const std::vector<Case> cases = {
+      {{}, "--output"},  // missing
+      {{"-o", output, "--size", "0"}, "--size: '0'"},
+      {{"-o", output, "--size", "12x"}, "--size: '12x'"},
+      {{"-o", output, "--size", "x12"}, "--size: 'x12'"},
+      {{"-o", output, "--size", "12x8x3"}, "--size: '12x8x3'"},
+      {{"-o", output, "--size", "99999"}, "--size: '99999'"},
+      {{"-o", output, "--view-set", "ubo82"}, "--view-set: 'ubo82'"},
+      {{"-o", output, "--light-set", "0"}, "--light-set: '0'"},
+      {{"-o", output, "--samples", "0"}, "--samples"},
+      {{"-o", output, "--samples", "many"}, "--samples"},
+      {{"-o", output, "--dtype", "f64"}, "--dtype"},
+      {{"-o", output, "--material", "brick"}, "--material"},
+      {{"-o", output, "--seed", "-1"}, "--seed"},
+      {{"-o", output, "--memory", "lots"}, "--memory"},
+      {{"-o", output, "--device", "no such device"}, "no such device"},
+      {{"-o", output, "surplus"}, "surplus"},
+      {{"-o", (folder / "cloth.weft").string()}, "cloth.weft"},
+      {{"-o", (folder / "cloth.exr").string()}, ".exr"},
+      {{"-o", folder.path().string()}, "--output"},
+  };
+  for (const Case& wrong : cases) {
+    std::vector<std::string> arguments = {"synth"};
+    arguments.insert(arguments.end(), wrong.arguments.begin(), wrong.arguments.end());
+    const ProcessResult result = run_weft(arguments);
+    EXPECT_EQ(result.status, 2) << wrong.message << "\n" << result.err;
+    EXPECT_EQ(result.out, "");
+    EXPECT_NE(result.err.find(wrong.message), std::string::npos) << result.err;
+    EXPECT_FALSE(std::filesystem::exists(output));
+  }
+  // A folder that is not there is a failure of the run or bad input, and leaves nothing.
+  const ProcessResult result =
+      run_weft({"synth", "--size", "4", "--view-set", "1", "--light-set", "1", "-o",
+                (folder / "missing" / "cloth.safetensors").string()});
+  EXPECT_TRUE(result.status == 2 || result.status == 4) << result.status;
+  EXPECT_NE(result.err.find("missing"), std::string::npos) << result.err;
+}
+
+TEST(Synth, StopsCleanlyWhenInterrupted) {
+  const TemporaryFolder folder;
+  const std::string output = (folder / "long.safetensors").string();
+  Process process(weft_command({"synth", "--size", "64", "--samples", "256", "-o", output}));
+  // Wait for the half-made file, so that the signal meets the job at work.
+  for (int i = 0; i < 600 && std::filesystem::is_empty(folder.path()); ++i) {
+    if (!process.running()) break;
+    usleep(50000);
+  }
+  process.send_signal(SIGINT);
+  const ProcessResult result = process.wait();
+  EXPECT_EQ(result.status, 130) << result.err;
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
+}  // namespace
+}  // namespace weft::test
