@@ -1,5 +1,4 @@
 #include <gtest/gtest.h>
-
 #include <unistd.h>
 
 #include <cmath>
@@ -68,8 +67,8 @@ TEST(Synth, RendersARawBtf) {
 
 TEST(Synth, EncodingFollowsTheDtype) {
   const TemporaryFolder folder;
-  const std::vector<std::string> common = {"synth",       "--size", "4", "--view-set", "2",
-                                           "--light-set", "2",      "-o"};
+  const std::vector<std::string> common = {"synth", "--size",      "4", "--view-set",
+                                           "2",     "--light-set", "2", "-o"};
   for (const std::string dtype : {"u8", "f16", "f32"}) {
     const std::string output = (folder / (dtype + ".npy")).string();
     std::vector<std::string> arguments = common;
@@ -101,8 +100,8 @@ TEST(Synth, SameOptionsGiveTheSameFileWhateverTheMemory) {
 
 TEST(Synth, ReferenceNeedsNoDevice) {
   const TemporaryFolder folder;
-  const std::vector<std::string> common = {"synth",       "--size", "8", "--view-set", "3",
-                                           "--light-set", "5",      "-o"};
+  const std::vector<std::string> common = {"synth", "--size",      "8", "--view-set",
+                                           "3",     "--light-set", "5", "-o"};
   std::vector<std::string> arguments = common;
   arguments.insert(arguments.end(),
                    {(folder / "reference.npy").string(), "--device", "reference", "--json"});
