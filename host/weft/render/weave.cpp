@@ -17,7 +17,6 @@ namespace {
 // Lights of a work-item of weave_shade, one per lane.
 constexpr std::size_t lanes = 8;
 constexpr std::size_t values_per_light = 6;
-constexpr std::size_t values_per_lobe = 8;
 
 Vector3 unit(const Direction& d) {
   return normalized({d[0], d[1], d[2]});
