@@ -2,6 +2,8 @@
 //
 //   partial[chunk] = (sum (s (T - T'))^2, sum (s T)^2, max |T - T'|, max |T|)
 //
+// A maximum is NaN where one of its values is.
+//
 //   raw:     [count] of the stored type
 //   decoded: [count] of float
 //
@@ -22,7 +24,9 @@ __kernel void error_sums(__global const raw_t* restrict raw, __global const floa
   const ulong begin = chunk * CHUNK;
   const ulong end = min(begin + CHUNK, count);
   float8 difference_squares = 0.0f, reference_squares = 0.0f;
-  float8 largest_difference = 0.0f, largest = 0.0f;
+  // Magnitudes as integers: they are ordered as their bits are, and a NaN is above them all, so that
+  // it can't pass for a small error.
+  int8 largest_difference = 0, largest = 0;
   ulong i = begin;
   for (; i + 8 <= end; i += 8) {
     const float8 x = tile_load8(raw + i);
@@ -30,19 +34,17 @@ __kernel void error_sums(__global const raw_t* restrict raw, __global const floa
     const float8 scaled = x * scale, scaled_d = d * scale;
     difference_squares = fma(scaled_d, scaled_d, difference_squares);
     reference_squares = fma(scaled, scaled, reference_squares);
-    const float8 magnitude = fabs(d), reference_magnitude = fabs(x);
-    // A NaN in the reconstruction must not pass for a small error: it wins every comparison.
-    largest_difference = largest_difference >= magnitude ? largest_difference : magnitude;
-    largest = reference_magnitude > largest ? reference_magnitude : largest;
+    largest_difference = max(largest_difference, as_int8(fabs(d)));
+    largest = max(largest, as_int8(fabs(x)));
   }
   float sums[2] = {0.0f, 0.0f};
-  float maxima[2] = {0.0f, 0.0f};
-  float d8[8], m8[8];
+  int maxima[2] = {0, 0};
+  int d8[8], m8[8];
   vstore8(largest_difference, 0, d8);
   vstore8(largest, 0, m8);
   for (uint lane = 0; lane < 8; ++lane) {
-    maxima[0] = maxima[0] >= d8[lane] ? maxima[0] : d8[lane];
-    maxima[1] = m8[lane] > maxima[1] ? m8[lane] : maxima[1];
+    maxima[0] = max(maxima[0], d8[lane]);
+    maxima[1] = max(maxima[1], m8[lane]);
   }
   const float4 d4 = difference_squares.lo + difference_squares.hi;
   const float4 r4 = reference_squares.lo + reference_squares.hi;
@@ -53,8 +55,8 @@ __kernel void error_sums(__global const raw_t* restrict raw, __global const floa
     const float d = x - decoded[i];
     sums[0] = fma(d * scale, d * scale, sums[0]);
     sums[1] = fma(x * scale, x * scale, sums[1]);
-    maxima[0] = maxima[0] >= fabs(d) ? maxima[0] : fabs(d);
-    maxima[1] = fabs(x) > maxima[1] ? fabs(x) : maxima[1];
+    maxima[0] = max(maxima[0], as_int(fabs(d)));
+    maxima[1] = max(maxima[1], as_int(fabs(x)));
   }
-  partial[chunk] = (float4)(sums[0], sums[1], maxima[0], maxima[1]);
+  partial[chunk] = (float4)(sums[0], sums[1], as_float(maxima[0]), as_float(maxima[1]));
 }

@@ -17,7 +17,9 @@
 // Work-item (chunk, block of 8 columns of Z).
 //
 // DOUBLE  1: products are summed in double; 0 (no fp64): error-free products and sums of float
-//         pairs (Dekker, Knuth), which keep about 44 bits.
+//         pairs (Dekker, Knuth; Ogita, Rump & Oishi 2005). Columns are brought near 1 by powers of
+//         two, x_scale and z_scale, so that neither products nor their errors leave the range of
+//         float; G is then that of the scaled columns.
 #include "vector_width.cl"
 
 #ifndef DOUBLE
@@ -32,18 +34,21 @@ typedef double2 pair_t;
 typedef double8 sum_t;
 #define LOAD(p) convert_double8(vload8(0, p))
 #define DECLARE(r) double8 s##r = 0, e##r = 0;
+#define DECLARE_SCALE(r)
 #define ADD(r) s##r = fma((double8)((double)x[r]), z, s##r);
 #else
 typedef float2 pair_t;
 typedef float8 sum_t;
-#define LOAD(p) vload8(0, p)
+#define LOAD(p) (vload8(0, p) * z_scale8)
 #define DECLARE(r) float8 s##r = 0, e##r = 0;
+#define DECLARE_SCALE(r) const float scale##r = x_scale[i + r];
 // s + e += x z: the product's error by fma, the sum's by Knuth's two-sum. Contraction would lose it.
 #pragma OPENCL FP_CONTRACT OFF
 #define ADD(r)                                                        \
   {                                                                   \
-    const float8 product = x[r] * z;                                  \
-    const float8 product_error = fma((float8)x[r], z, -product);      \
+    const float8 x8 = x[r] * scale##r;                                \
+    const float8 product = x8 * z;                                    \
+    const float8 product_error = fma(x8, z, -product);                \
     const float8 sum = s##r + product;                                \
     const float8 part = sum - s##r;                                   \
     e##r += (s##r - (sum - part)) + (product - part) + product_error; \
@@ -65,22 +70,51 @@ __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void gram(ulong n, ulong chunk_rows, ulong columns_x, ulong columns_z,
                    __global const float* restrict X, ulong x_panel, ulong x_row,
                    __global const float* restrict Z, ulong z_panel, ulong z_row,
-                   __global pair_t* restrict partial) {
+                   __global pair_t* restrict partial
+#if !DOUBLE
+                   , __global const float* restrict x_scale, __global const float* restrict z_scale
+#endif
+) {
   const ulong chunk = get_global_id(0);
   const ulong j = get_global_id(1) * 8;
   const ulong begin = chunk * chunk_rows;
   const ulong end = min(begin + chunk_rows, n);
   const uint columns = (uint)min((ulong)8, columns_z - j);
   __global pair_t* out = partial + chunk * columns_x * columns_z + j;
+#if !DOUBLE
+  const float8 z_scale8 = vload8(0, z_scale + j);
+#endif
   __global const float* z_column = Z + (j / NR) * z_panel + j % NR;
   for (ulong i = 0; i < columns_x; i += 4) {
     __global const float* x = X + (i / NR) * x_panel + i % NR + begin * x_row;
     __global const float* z_row_begin = z_column + begin * z_row;
     FOR_ROWS(DECLARE)
+    FOR_ROWS(DECLARE_SCALE)
     for (ulong p = begin; p < end; ++p, x += x_row, z_row_begin += z_row) {
       const sum_t z = LOAD(z_row_begin);
       FOR_ROWS(ADD)
     }
     FOR_ROWS(STORE)
   }
+}
+
+// Largest magnitude of each column within a chunk, NaN left out: maxima[chunk][columns].
+// Work-item (chunk, block of 8 columns).
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void column_maxima(ulong n, ulong chunk_rows, ulong columns, __global const float* restrict X,
+                            ulong x_panel, ulong x_row, __global float* restrict maxima) {
+  const ulong chunk = get_global_id(0);
+  const ulong j = get_global_id(1) * 8;
+  const ulong begin = chunk * chunk_rows;
+  const ulong end = min(begin + chunk_rows, n);
+  __global const float* x = X + (j / NR) * x_panel + j % NR + begin * x_row;
+  float8 most = 0.0f;
+  for (ulong p = begin; p < end; ++p, x += x_row) {
+    const float8 magnitude = fabs(vload8(0, x));
+    most = magnitude > most ? magnitude : most;
+  }
+  float lanes[8];
+  vstore8(most, 0, lanes);
+  const uint valid = (uint)min((ulong)8, columns - j);
+  for (uint lane = 0; lane < valid; ++lane) maxima[chunk * columns + j + lane] = lanes[lane];
 }

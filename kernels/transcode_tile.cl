@@ -9,8 +9,8 @@
 // Work-item (chunk of CHUNK values).
 //
 // FROM, TO  encodings
-// OUT       0: U8, clamped to [0, 1] and rounded to nearest; 1: F16, rounded to nearest even, finite
-//           values clamped to +-65504; 2: F32
+// OUT       0: U8, clamped to [0, 1] and rounded to nearest, NaN is 0; 1: F16, rounded to nearest
+//           even, finite values clamped to +-65504; 2: F32
 // CHUNK     values of a chunk, a multiple of 8
 #ifndef FROM
 #define FROM 0
@@ -56,19 +56,24 @@ inline float8 encode(float8 x) {
 
 #if OUT == 0
 typedef uchar out_t;
+// NaN gives 0, like what is below.
 inline void store8(float8 x, __global out_t* p) {
-  vstore8(convert_uchar8_sat_rte(clamp(x, 0.0f, 1.0f) * 255.0f), 0, p);
+  const float8 unit = fmin(select((float8)0.0f, x, x > 0.0f), 1.0f);
+  vstore8(convert_uchar8_sat_rte(unit * 255.0f), 0, p);
 }
 inline void store1(float x, __global out_t* p) {
-  *p = convert_uchar_sat_rte(clamp(x, 0.0f, 1.0f) * 255.0f);
+  *p = convert_uchar_sat_rte((x > 0.0f ? fmin(x, 1.0f) : 0.0f) * 255.0f);
 }
 #elif OUT == 1
 typedef half out_t;
+#define EXPONENT_BITS 0x7f800000
 inline void store8(float8 x, __global out_t* p) {
-  vstore_half8_rte(clamp(x, -65504.0f, 65504.0f), 0, p);
+  const int8 non_finite = (as_int8(x) & EXPONENT_BITS) == EXPONENT_BITS;
+  vstore_half8_rte(select(clamp(x, -65504.0f, 65504.0f), x, non_finite), 0, p);
 }
 inline void store1(float x, __global out_t* p) {
-  vstore_half_rte(clamp(x, -65504.0f, 65504.0f), 0, p);
+  const int non_finite = (as_int(x) & EXPONENT_BITS) == EXPONENT_BITS;
+  vstore_half_rte(non_finite ? x : clamp(x, -65504.0f, 65504.0f), 0, p);
 }
 #else
 typedef float out_t;

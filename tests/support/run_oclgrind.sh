@@ -3,12 +3,15 @@
 # any report. Oclgrind's own exit status is 0 even when it found something, so its log decides.
 #
 #   run_oclgrind.sh OCLGRIND LOG PROGRAM [ARGUMENT...]
+#
+# Kernels are built without optimisation: every access of the source is then there to be checked, and
+# the check for uninitialised memory knows all instructions (not so "freeze").
 set -u
 oclgrind=$1
 log=$2
 shift 2
 rm -f "$log"
-"$oclgrind" --data-races --uninitialized --log "$log" "$@"
+"$oclgrind" --build-options -O0 --data-races --uninitialized --log "$log" "$@"
 status=$?
 if [ "$status" -ne 0 ]; then
   echo "run_oclgrind: $1 ended with status $status" >&2

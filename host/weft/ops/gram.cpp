@@ -2,6 +2,10 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <cmath>
+#include <string>
+
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
 
@@ -26,6 +30,46 @@ std::vector<double> add_chunks(Device& device, const Buffer& partial, std::size_
   }
   return sums;
 }
+
+std::string gram_options(const Device& device, bool fp64) {
+  return fmt::format("{} -DDOUBLE={}", vector_option(device), fp64 ? 1 : 0);
+}
+
+// Powers of two that bring the largest value of each column into [0.5, 1), as far as float allows.
+struct ColumnScales {
+  Buffer buffer;
+  std::vector<int> exponents;
+};
+
+ColumnScales column_scales(Device& device, std::size_t n, const Columns& X) {
+  const std::size_t rows = chunk_rows(n);
+  const std::size_t chunks = std::max<std::size_t>(1, ceil_div(n, rows));
+  Buffer maxima(device, chunks * X.count * sizeof(float), "largest values of columns");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::gram, gram_options(device, false), "column_maxima");
+  set_arguments(kernel, ulong(n), ulong(rows), ulong(X.count), *X.buffer, ulong(X.panel),
+                ulong(X.row), maxima);
+  launch_items(device, kernel, chunks, ceil_div(X.count, 8));
+  std::vector<float> host(chunks * X.count);
+  device.read(maxima, std::span<float>(host));
+
+  ColumnScales scales;
+  // The kernel reads whole vectors.
+  std::vector<float> values(round_up(X.count, panel_width(device)), 1.0f);
+  for (std::size_t j = 0; j < X.count; ++j) {
+    float largest = 0;
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+      largest = std::max(largest, host[chunk * X.count + j]);
+    }
+    int exponent = 0;
+    if (largest > 0 && std::isfinite(largest)) std::frexp(largest, &exponent);
+    scales.exponents.push_back(std::clamp(-exponent, -126, 127));
+    values[j] = std::ldexp(1.0f, scales.exponents.back());
+  }
+  scales.buffer = Buffer(device, values.size() * sizeof(float), "scales of columns");
+  device.write(scales.buffer, std::span<const float>(values));
+  return scales;
+}
 }  // namespace
 
 Columns packed_columns(const Device& device, const Buffer& buffer, std::size_t n,
@@ -39,22 +83,36 @@ Columns row_major_columns(const Device& device, const Buffer& buffer, std::size_
   return {&buffer, count, panel_width(device), leading};
 }
 
-std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z) {
+std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z,
+                         GramSums sums) {
   const std::size_t rows = chunk_rows(n);
   const std::size_t chunks = std::max<std::size_t>(1, ceil_div(n, rows));
   const std::size_t elements = X.count * Z.count;
   if (elements == 0) return {};
-  const bool fp64 = device.limits().has_fp64;
+  const bool fp64 = device.limits().has_fp64 && sums == GramSums::best;
   const std::size_t pair_bytes = 2 * (fp64 ? sizeof(double) : sizeof(float));
   Buffer partial(device, chunks * elements * pair_bytes, "partial inner products");
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::gram,
-                    fmt::format("{} -DDOUBLE={}", vector_option(device), fp64 ? 1 : 0), "gram");
+  const cl_kernel kernel = device.kernel(kernel_sources::gram, gram_options(device, fp64), "gram");
+  if (fp64) {
+    set_arguments(kernel, ulong(n), ulong(rows), ulong(X.count), ulong(Z.count), *X.buffer,
+                  ulong(X.panel), ulong(X.row), *Z.buffer, ulong(Z.panel), ulong(Z.row), partial);
+    launch_items(device, kernel, chunks, ceil_div(Z.count, 8));
+    return add_chunks<double>(device, partial, chunks, elements);
+  }
+  const ColumnScales x_scales = column_scales(device, n, X);
+  const ColumnScales z_scales = column_scales(device, n, Z);
   set_arguments(kernel, ulong(n), ulong(rows), ulong(X.count), ulong(Z.count), *X.buffer,
-                ulong(X.panel), ulong(X.row), *Z.buffer, ulong(Z.panel), ulong(Z.row), partial);
+                ulong(X.panel), ulong(X.row), *Z.buffer, ulong(Z.panel), ulong(Z.row), partial,
+                x_scales.buffer, z_scales.buffer);
   launch_items(device, kernel, chunks, ceil_div(Z.count, 8));
-  return fp64 ? add_chunks<double>(device, partial, chunks, elements)
-              : add_chunks<float>(device, partial, chunks, elements);
+  std::vector<double> G = add_chunks<float>(device, partial, chunks, elements);
+  for (std::size_t i = 0; i < X.count; ++i) {
+    for (std::size_t j = 0; j < Z.count; ++j) {
+      double& value = G[i * Z.count + j];
+      value = std::ldexp(value, -x_scales.exponents[i] - z_scales.exponents[j]);
+    }
+  }
+  return G;
 }
 
 }  // namespace weft::ops

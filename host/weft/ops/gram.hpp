@@ -24,9 +24,14 @@ Columns packed_columns(const Device& device, const Buffer& buffer, std::size_t n
 Columns row_major_columns(const Device& device, const Buffer& buffer, std::size_t leading,
                           std::size_t count);
 
-// G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z. Sums are exact to about
-// 2^-44 of sum |X Z| or better: products in double, or in float pairs where the device has no fp64.
-// Waits for the device.
-std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z);
+// The arithmetic that products are summed in: double where the device has it, else pairs of floats;
+// or pairs on any device.
+enum class GramSums { best, float_pairs };
+
+// G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z; waits for the device.
+// With double, |error| <= n 2^-53 sum |X Z|. With pairs, sums of c = max(512, n / 64) rows have
+// |error| <= (2 c 2^-24)^2 sum |X Z| at worst, and columns may be of any magnitude.
+std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z,
+                         GramSums sums = GramSums::best);
 
 }  // namespace weft::ops

@@ -1,9 +1,11 @@
 #include "weft/ops/orthonormalise.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
+#include "weft/error.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/gram.hpp"
 #include "weft/ops/launch.hpp"
@@ -11,6 +13,39 @@
 
 namespace weft::ops {
 namespace {
+
+// Y^T Y of packed Y.
+std::vector<double> squared(Device& device, std::size_t n, std::size_t count, const Buffer& Y) {
+  const Columns columns = packed_columns(device, Y, n, count);
+  std::vector<double> G = gram(device, n, columns, columns);
+  for (std::size_t j = 0; j < count; ++j) {
+    if (!std::isfinite(G[j * count + j])) {
+      fail_runtime("column {} of a basis holds NaN or an infinity", j);
+    }
+  }
+  return G;
+}
+
+// Whether the factors that bring columns to unit length might leave the range of float.
+bool has_extreme_columns(std::size_t count, const std::vector<double>& G) {
+  for (std::size_t j = 0; j < count; ++j) {
+    const double square = G[j * count + j];
+    if (square > 0 && (square < 0x1p-80 || square > 0x1p80)) return true;
+  }
+  return false;
+}
+
+// The diagonal matrix of the powers of two that bring the columns as near to unit length as float
+// allows. It changes no digit.
+std::vector<float> to_unit_magnitude(std::size_t count, const std::vector<double>& G) {
+  std::vector<float> T(count * count, 0.0f);
+  for (std::size_t j = 0; j < count; ++j) {
+    const double square = G[j * count + j];
+    const int exponent = square > 0 ? -std::ilogb(std::sqrt(square)) : 0;
+    T[j * count + j] = std::ldexp(1.0f, std::clamp(exponent, -126, 127));
+  }
+  return T;
+}
 
 // D V diag(lambda)^(-1/2), row-major count x count, and how many of its columns are not zero.
 std::pair<std::vector<float>, std::size_t> whitening(std::size_t count, std::vector<double> G) {
@@ -59,8 +94,12 @@ std::size_t orthonormalise(Device& device, std::size_t n, std::size_t count, Buf
                            Buffer& scratch) {
   std::size_t rank = count;
   for (int round = 0; round < 2; ++round) {
-    const Columns columns = packed_columns(device, Y, n, count);
-    auto [T, round_rank] = whitening(count, gram(device, n, columns, columns));
+    std::vector<double> G = squared(device, n, count, Y);
+    if (has_extreme_columns(count, G)) {
+      transform(device, n, count, to_unit_magnitude(count, G), Y, scratch);
+      G = squared(device, n, count, Y);
+    }
+    auto [T, round_rank] = whitening(count, std::move(G));
     transform(device, n, count, T, Y, scratch);
     rank = round_rank;
   }

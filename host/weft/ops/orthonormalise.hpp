@@ -16,8 +16,8 @@ namespace weft::ops {
 //
 // twice, since the first round leaves the error of float times the condition number. Directions
 // with lambda below (count 2^-23)^2 of the largest are dropped: float columns do not hold them.
-// Zero columns are allowed, and so are columns of any magnitude whose squares fit in double.
-// `scratch` is as large as Y. Waits for the device.
+// Zero columns are allowed, and so are columns of any magnitude; NaN or an infinity is a run-time
+// error. `scratch` is as large as Y. Waits for the device.
 std::size_t orthonormalise(Device& device, std::size_t n, std::size_t count, Buffer& Y,
                            Buffer& scratch);
 

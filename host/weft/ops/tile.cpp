@@ -89,16 +89,12 @@ ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
   std::vector<float> host(chunks * 4);
   device.read(partial, std::span<float>(host));
   ErrorSums sums;
-  sums.count = tile.values();
   const double unscale = 1.0 / (static_cast<double>(scale) * static_cast<double>(scale));
   for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
     const float* values = host.data() + chunk * 4;
-    sums.square_difference += unscale * static_cast<double>(values[0]);
-    sums.square_reference += unscale * static_cast<double>(values[1]);
-    // Written so that a NaN is kept.
-    const double difference = values[2];
-    if (!(sums.max_difference >= difference)) sums.max_difference = difference;
-    sums.max_reference = std::max(sums.max_reference, static_cast<double>(values[3]));
+    sums.merge({std::min(value_chunk, tile.values() - chunk * value_chunk),
+                unscale * static_cast<double>(values[1]), unscale * static_cast<double>(values[0]),
+                static_cast<double>(values[2]), static_cast<double>(values[3])});
   }
   return sums;
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "weft/btf/encoding.hpp"
 #include "weft/error.hpp"
 #include "weft/tensor/half.hpp"
 
@@ -66,31 +67,55 @@ void fail_non_finite(const BtfShape& shape, std::size_t at) {
       at / shape.lights, at % shape.lights, y, x, c);
 }
 
-std::vector<double> tile_sums(std::size_t images, std::size_t texels, std::size_t channels,
-                              std::span<const double> values) {
-  std::vector<double> sums(images * channels, 0.0);
+TileScan scan_tile(std::size_t images, std::size_t texels, std::size_t channels,
+                   std::span<const double> values) {
+  TileScan scan;
+  scan.sums.assign(images * channels, 0.0);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!std::isfinite(values[i])) {
+      if (!scan.first_bad) scan.first_bad = i;
+      continue;
+    }
+    const std::size_t image = i / (texels * channels);
+    scan.sums[image * channels + i % channels] += values[i];
+    scan.largest = std::max(scan.largest, std::abs(values[i]));
+  }
+  return scan;
+}
+
+std::vector<double> convert_tile(std::size_t images, std::size_t texels, std::size_t channels,
+                                 std::span<const double> values, std::span<const double> mean,
+                                 double scale) {
+  std::vector<double> rows(values.size());
   for (std::size_t image = 0; image < images; ++image) {
     for (std::size_t p = 0; p < texels; ++p) {
       for (std::size_t c = 0; c < channels; ++c) {
-        sums[image * channels + c] += values[(image * texels + p) * channels + c];
+        const std::size_t row = image * channels + c;
+        const double value = values[(image * texels + p) * channels + c];
+        rows[row * texels + p] = (value - mean[row]) * scale;
       }
     }
   }
-  return sums;
+  return rows;
 }
 
 ErrorSums error_sums(std::span<const double> values, std::span<const double> decoded) {
   ErrorSums sums;
-  sums.count = values.size();
   for (std::size_t i = 0; i < values.size(); ++i) {
     const double difference = std::abs(values[i] - decoded[i]);
-    sums.square_difference += difference * difference;
-    sums.square_reference += values[i] * values[i];
-    // Written so that a NaN is kept.
-    if (!(sums.max_difference >= difference)) sums.max_difference = difference;
-    sums.max_reference = std::max(sums.max_reference, std::abs(values[i]));
+    sums.merge(
+        {1, values[i] * values[i], difference * difference, difference, std::abs(values[i])});
   }
   return sums;
+}
+
+double transcode(double value, Encoding from, Encoding to, DType dtype) {
+  if (from != to) value = encode_from_linear(to, decode_to_linear(from, value));
+  if (dtype == DType::u8) return value > 0 ? std::min(value, 1.0) : 0.0;
+  if (dtype == DType::f16 && std::isfinite(value)) {
+    return std::clamp(value, -double{half_max}, double{half_max});
+  }
+  return value;
 }
 
 }  // namespace weft::reference

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -22,10 +23,25 @@ void read_tile(TileSource& source, std::size_t first, std::size_t count, bool na
 // The input error of a value that is NaN or infinite; `at` is its index in [V, L, Y, X, C].
 [[noreturn]] void fail_non_finite(const BtfShape& shape, std::size_t at);
 
-// Sums over [images][P][C] per image and channel.
-std::vector<double> tile_sums(std::size_t images, std::size_t texels, std::size_t channels,
-                              std::span<const double> values);
+// What a first look at [images][P][C] finds.
+struct TileScan {
+  std::vector<double> sums;              // [images][C], of the finite values
+  double largest = 0;                    // largest finite magnitude
+  std::optional<std::size_t> first_bad;  // index of the first NaN or infinity
+};
+TileScan scan_tile(std::size_t images, std::size_t texels, std::size_t channels,
+                   std::span<const double> values);
 
+// rows[image C + c][p] = (T[image, p, c] - mean[image C + c]) scale
+std::vector<double> convert_tile(std::size_t images, std::size_t texels, std::size_t channels,
+                                 std::span<const double> values, std::span<const double> mean,
+                                 double scale);
+
+// Errors of decoded values; a NaN in either makes the maximum NaN.
 ErrorSums error_sums(std::span<const double> values, std::span<const double> decoded);
+
+// The value that the nearest one of type `dtype` is stored for, of a value in `from` turned into
+// `to`: 8-bit in [0, 1] (NaN gives 0), finite values of F16 within +-65504.
+double transcode(double value, Encoding from, Encoding to, DType dtype);
 
 }  // namespace weft::reference

@@ -1,0 +1,303 @@
+// Matrix products and packing against the reference, in every layout, at sizes about the micro-tile
+// (4 x 24), the macro-tile (96 rows, 24 to 480 columns), the depth of a block (240) and the rows
+// that one work-item packs (64).
+#include "weft/ops/gemm.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "ops/matrices.hpp"
+#include "support/generators.hpp"
+#include "support/guarded_buffer.hpp"
+#include "support/matchers.hpp"
+#include "support/shared_device.hpp"
+#include "weft/ops/launch.hpp"
+#include "weft/reference/gemm.hpp"
+
+namespace weft::test {
+namespace {
+
+enum class Layout { row_major, transposed, panelled };
+
+struct Case {
+  std::size_t M = 1;
+  std::size_t N = 1;
+  std::size_t K = 1;
+  Layout a = Layout::row_major;
+  Layout b = Layout::row_major;
+  bool c_in_panels = false;
+  float alpha = 1.0f;
+  float beta = 0.0f;
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& c) {
+  const char* names[] = {"row-major", "transposed", "panelled"};
+  return out << "M " << c.M << " N " << c.N << " K " << c.K << ", A "
+             << names[static_cast<int>(c.a)] << ", B " << names[static_cast<int>(c.b)] << ", C "
+             << (c.c_in_panels ? "in panels" : "row-major") << ", alpha " << c.alpha << ", beta "
+             << c.beta;
+}
+
+// A matrix as an operand in guarded memory, with unused room wherever the layout allows it.
+class GuardedOperand {
+ public:
+  GuardedOperand(Device& device, std::span<const float> matrix, std::size_t rows,
+                 std::size_t columns, Layout layout)
+      : buffer_(device, std::span<const float>(stored(device, matrix, rows, columns, layout)),
+                "operand") {
+    switch (layout) {
+      case Layout::row_major:
+        operand = ops::row_major(device, buffer_.buffer(), columns + 3, 5);
+        break;
+      case Layout::transposed:
+        operand = ops::transposed(device, buffer_.buffer(), rows + 3, 5);
+        break;
+      case Layout::panelled:
+        operand = ops::panelled(device, buffer_.buffer(), rows);
+    }
+  }
+  bool intact() { return static_cast<bool>(buffer_.intact()); }
+
+  ops::Operand operand;
+
+ private:
+  static std::vector<float> stored(Device& device, std::span<const float> matrix, std::size_t rows,
+                                   std::size_t columns, Layout layout) {
+    if (layout == Layout::row_major) return with_leading(matrix, rows, columns, columns + 3, 5);
+    if (layout == Layout::transposed) {
+      return with_leading(transpose(matrix, rows, columns), columns, rows, rows + 3, 5);
+    }
+    return panels_of(matrix, rows, columns, ops::panel_width(device), unused);
+  }
+
+  GuardedBuffer buffer_;
+};
+
+struct Product {
+  std::vector<float> C;       // M x N
+  std::vector<float> stored;  // as it lies in the buffer
+};
+
+constexpr float untouched = -12345.0f;
+
+Product multiply(const Case& c, std::span<const float> A, std::span<const float> B,
+                 std::span<const float> C) {
+  Device& device = shared_device();
+  const std::size_t width = ops::panel_width(device);
+  GuardedOperand a(device, A, c.M, c.K, c.a);
+  GuardedOperand b(device, B, c.K, c.N, c.b);
+  GuardedBuffer packed(device, ops::packed_elements(device, c.K, c.N) * sizeof(float), "packed B");
+  ops::pack_panels(device, b.operand, c.K, c.N, packed.buffer());
+
+  // C with room that has to stay as it is: past the rows' ends, or columns past the last panel's
+  const std::size_t leading = c.N + 2;
+  const std::size_t offset = 7;
+  std::vector<float> before = c.c_in_panels ? panels_of(C, c.M, c.N, width, untouched)
+                                            : with_leading(C, c.M, c.N, leading, offset);
+  for (float& value : before) {
+    if (c.beta != 0 && std::isnan(value)) value = untouched;
+  }
+  GuardedBuffer out(device, std::span<const float>(before), "C");
+  ops::gemm_packed(device, c.M, c.N, c.K, c.alpha, a.operand, packed.buffer(), c.beta,
+                   c.c_in_panels ? ops::to_panels(device, out.buffer(), c.M)
+                                 : ops::to_row_major(device, out.buffer(), leading, offset));
+
+  Product result;
+  result.stored = out.values<float>();
+  EXPECT_TRUE(out.intact());
+  EXPECT_TRUE(packed.intact());
+  EXPECT_TRUE(a.intact());
+  EXPECT_TRUE(b.intact());
+  // what is not C is as before
+  std::vector<float> around = result.stored;
+  if (c.c_in_panels) {
+    result.C = from_panels(result.stored, c.M, c.N, width);
+    for (std::size_t i = 0; i < c.M; ++i) {
+      for (std::size_t j = 0; j < c.N; ++j) {
+        const std::size_t at = (j / width * c.M + i) * width + j % width;
+        around[at] = before[at];
+      }
+    }
+  } else {
+    result.C.resize(c.M * c.N);
+    for (std::size_t i = 0; i < c.M; ++i) {
+      for (std::size_t j = 0; j < c.N; ++j) {
+        const std::size_t at = offset + i * leading + j;
+        result.C[i * c.N + j] = result.stored[at];
+        around[at] = before[at];
+      }
+    }
+  }
+  EXPECT_TRUE(same_bits(around, before));
+  return result;
+}
+
+// Every product of small integers is exact, whatever the order of its sums.
+void expect_exact(const Case& c) {
+  SCOPED_TRACE(testing::Message() << c);
+  const std::vector<float> A = random_integers(c.M * c.K, 1);
+  const std::vector<float> B = random_integers(c.K * c.N, 2);
+  // Where beta is 0, C holds NaN: it must not be read.
+  const std::vector<float> C =
+      c.beta == 0 ? std::vector<float>(c.M * c.N, unused) : random_integers(c.M * c.N, 3);
+  std::vector<double> expected = widened(C);
+  reference::gemm(c.M, c.N, c.K, double{c.alpha}, widened(A), widened(B), double{c.beta}, expected);
+  EXPECT_TRUE(all_equal(multiply(c, A, B, C).C, expected));
+}
+
+TEST(Gemm, SmallInEveryLayout) {
+  for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+    for (const Layout b : {Layout::row_major, Layout::transposed}) {
+      expect_exact({5, 27, 26, a, b, false, 2.0f, 0.0f});
+      expect_exact({7, 24, 3, a, b, true, -1.0f, 0.5f});
+    }
+  }
+}
+
+TEST(Gemm, StraddlesTheMicroTile) {
+  for (const std::size_t M : {1, 2, 3, 4, 5, 7, 8, 9}) {
+    for (const std::size_t N : {1, 7, 8, 9, 23, 24, 25, 47, 48, 49}) {
+      for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+        expect_exact({M, N, 5, a, Layout::row_major, false, 1.0f, 0.0f});
+        expect_exact({M, N, 5, a, Layout::row_major, true, 1.0f, 1.0f});
+      }
+    }
+  }
+}
+
+TEST(Gemm, StraddlesTheMacroTile) {
+  for (const std::size_t M : {95, 96, 97, 191, 193}) {
+    for (const std::size_t N : {95, 96, 97, 200}) {
+      for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+        expect_exact({M, N, 31, a, Layout::row_major, false, 1.0f, -1.0f});
+        expect_exact({M, N, 31, a, Layout::transposed, true, 1.0f, 0.0f});
+      }
+    }
+  }
+  // several tiles of the widest kind
+  expect_exact({3, 4001, 30, Layout::row_major, Layout::row_major, false, 1.0f, 0.0f});
+  expect_exact({3, 4001, 30, Layout::transposed, Layout::row_major, true, 1.0f, 1.0f});
+  expect_exact({1000, 1, 30, Layout::panelled, Layout::row_major, false, 1.0f, 0.0f});
+}
+
+TEST(Gemm, StraddlesTheDepthOfABlock) {
+  for (const std::size_t K : {1, 2, 23, 24, 25, 48, 239, 240, 241, 263, 480, 481, 1000}) {
+    for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+      expect_exact({9, 25, K, a, Layout::row_major, false, 1.0f, 0.0f});
+      expect_exact({9, 25, K, a, Layout::row_major, true, 0.5f, 2.0f});
+    }
+  }
+}
+
+// alpha A B + beta C: K products and their sums, the sums of blocks of 240, alpha, beta and their
+// sum.
+double terms(std::size_t K) {
+  return static_cast<double>(K + 2 * ((K + 239) / 240) + 2);
+}
+
+TEST(Gemm, RoundingErrorIsBounded) {
+  for (const std::size_t K : {1, 24, 240, 241, 2000}) {
+    for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+      const Case c{37, 50, K, a, Layout::row_major, false, -0.7f, 1.3f};
+      SCOPED_TRACE(testing::Message() << c);
+      const std::vector<float> A = random_floats(c.M * K, 4, -1.0, 1.0);
+      const std::vector<float> B = random_floats(K * c.N, 5, -1.0, 1.0);
+      const std::vector<float> C = random_floats(c.M * c.N, 6, -1.0, 1.0);
+      std::vector<double> expected = widened(C);
+      reference::gemm(c.M, c.N, K, double{c.alpha}, widened(A), widened(B), double{c.beta},
+                      expected);
+      std::vector<double> size = magnitudes(C);
+      reference::gemm(c.M, c.N, K, std::abs(double{c.alpha}), magnitudes(A), magnitudes(B),
+                      std::abs(double{c.beta}), size);
+      EXPECT_TRUE(all_near(multiply(c, A, B, C).C, expected, [&](std::size_t i) {
+        return gamma(terms(K), float_roundoff) * size[i];
+      }));
+    }
+  }
+}
+
+TEST(Gemm, KeepsTheRangeOfFloat) {
+  // 2^-140 is subnormal, 2^100 2^-130 is not, 2^120 2^7 is near the largest
+  const std::vector<float> A{0x1p-140f, 0x1p100f, 0x1p120f, -0x1p-149f, 1e30f, 0.0f};
+  const std::vector<float> B{1.0f, 0x1p-130f, 0x1p7f, 1e-30f};
+  for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+    const Case c{6, 4, 1, a, Layout::row_major, false, 1.0f, 0.0f};
+    const Product product = multiply(c, A, B, std::vector<float>(24, unused));
+    for (std::size_t i = 0; i < 6; ++i) {
+      for (std::size_t j = 0; j < 4; ++j) {
+        EXPECT_EQ(product.C[i * 4 + j], A[i] * B[j]) << A[i] << " x " << B[j];
+      }
+    }
+  }
+}
+
+// A NaN or an infinity in row i of A or column j of B reaches that row or column of C, and no
+// other.
+TEST(Gemm, NonFiniteValuesStayInTheirRowAndColumn) {
+  for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
+    for (const float bad : {unused, std::numeric_limits<float>::infinity()}) {
+      const Case c{11, 30, 26, a, Layout::row_major, false, 1.0f, 0.0f};
+      std::vector<float> A = random_floats(c.M * c.K, 7, 0.5, 1.0);
+      std::vector<float> B = random_floats(c.K * c.N, 8, 0.5, 1.0);
+      A[9 * c.K + 25] = bad;
+      B[3 * c.N + 28] = bad;
+      const Product product = multiply(c, A, B, std::vector<float>(c.M * c.N, unused));
+      for (std::size_t i = 0; i < c.M; ++i) {
+        for (std::size_t j = 0; j < c.N; ++j) {
+          EXPECT_EQ(std::isfinite(product.C[i * c.N + j]), i != 9 && j != 28) << i << ", " << j;
+        }
+      }
+    }
+  }
+}
+
+TEST(Gemm, TheSameBitsWhateverTheTiles) {
+  Device& device = shared_device();
+  const std::size_t M = 203;
+  const std::size_t N = 75;
+  const std::size_t K = 500;
+  const std::vector<float> A = random_floats(M * K, 9, -1.0, 1.0);
+  const std::vector<float> B = random_floats(K * N, 10, -1.0, 1.0);
+  GuardedBuffer a(device, std::span<const float>(A), "A");
+  GuardedBuffer b(device, std::span<const float>(B), "B");
+  const auto product = [&](std::size_t rows_at_once) {
+    GuardedBuffer c(device, M * N * sizeof(float), "C");
+    for (std::size_t i = 0; i < M; i += rows_at_once) {
+      const std::size_t rows = std::min(rows_at_once, M - i);
+      ops::gemm(device, rows, N, K, 0.7f, ops::row_major(device, a.buffer(), K, i * K),
+                ops::row_major(device, b.buffer(), N), 0.0f,
+                ops::to_row_major(device, c.buffer(), N, i * N));
+    }
+    std::vector<float> values = c.values<float>();
+    EXPECT_TRUE(c.intact());
+    return values;
+  };
+  const std::vector<float> whole = product(M);
+  EXPECT_TRUE(same_bits(product(M), whole));
+  for (const std::size_t rows : {1, 50, 96, 97}) EXPECT_TRUE(same_bits(product(rows), whole));
+}
+
+TEST(PackPanels, LayoutIsExactAndPaddedWithZero) {
+  Device& device = shared_device();
+  const std::size_t width = ops::panel_width(device);
+  for (const std::size_t K : {1, 2, 63, 64, 65, 129}) {
+    for (const std::size_t N : {1, 7, 23, 24, 25, 48, 50}) {
+      for (const Layout layout : {Layout::row_major, Layout::transposed}) {
+        SCOPED_TRACE(testing::Message() << "K " << K << " N " << N);
+        const std::vector<float> B = random_floats(K * N, 11, -1.0, 1.0);
+        GuardedOperand b(device, B, K, N, layout);
+        GuardedBuffer packed(device, ops::packed_elements(device, K, N) * sizeof(float), "packed");
+        ops::pack_panels(device, b.operand, K, N, packed.buffer());
+        EXPECT_TRUE(same_bits(packed.values<float>(), panels_of(B, K, N, width, 0.0f)));
+        EXPECT_TRUE(packed.intact());
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace weft::test

@@ -1,0 +1,105 @@
+// Matrices on the host for tests of operations: data, layouts, comparisons.
+//
+// Room that no operation may use is NaN, so that a value taken from there shows.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "support/generators.hpp"
+
+namespace weft::test {
+
+inline constexpr float unused = std::numeric_limits<float>::quiet_NaN();
+
+inline std::vector<double> widened(std::span<const float> values) {
+  return {values.begin(), values.end()};
+}
+
+inline std::vector<double> magnitudes(std::span<const float> values) {
+  std::vector<double> result = widened(values);
+  for (double& value : result) value = std::abs(value);
+  return result;
+}
+
+// Integers in [-limit, limit]: sums of their products are exact in float below 2^24.
+inline std::vector<float> random_integers(std::size_t count, std::uint64_t seed, int limit = 8) {
+  Random random(seed);
+  std::vector<float> values(count);
+  for (float& value : values) {
+    value = static_cast<float>(random.index(2 * static_cast<std::size_t>(limit) + 1)) -
+            static_cast<float>(limit);
+  }
+  return values;
+}
+
+// Row-major rows x columns at the given leading dimension, behind `offset` unused values; nothing
+// follows the last value.
+inline std::vector<float> with_leading(std::span<const float> matrix, std::size_t rows,
+                                       std::size_t columns, std::size_t leading,
+                                       std::size_t offset = 0) {
+  std::vector<float> result(offset + (rows - 1) * leading + columns, unused);
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      result[offset + r * leading + c] = matrix[r * columns + c];
+    }
+  }
+  return result;
+}
+
+inline std::vector<float> transpose(std::span<const float> matrix, std::size_t rows,
+                                    std::size_t columns) {
+  std::vector<float> result(matrix.size());
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) result[c * rows + r] = matrix[r * columns + c];
+  }
+  return result;
+}
+
+// Panels [ceil(columns / width)][rows][width]; columns past the last hold `padding`.
+inline std::vector<float> panels_of(std::span<const float> matrix, std::size_t rows,
+                                    std::size_t columns, std::size_t width, float padding) {
+  std::vector<float> result((columns + width - 1) / width * rows * width, padding);
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      result[(c / width * rows + r) * width + c % width] = matrix[r * columns + c];
+    }
+  }
+  return result;
+}
+
+// The first `columns` columns of panels, row-major.
+inline std::vector<float> from_panels(std::span<const float> panels, std::size_t rows,
+                                      std::size_t columns, std::size_t width) {
+  std::vector<float> result(rows * columns);
+  for (std::size_t r = 0; r < rows; ++r) {
+    for (std::size_t c = 0; c < columns; ++c) {
+      result[r * columns + c] = panels[(c / width * rows + r) * width + c % width];
+    }
+  }
+  return result;
+}
+
+// The same bits in every place, NaN included.
+template <typename T>
+testing::AssertionResult same_bits(const std::vector<T>& actual, const std::vector<T>& expected) {
+  if (actual.size() != expected.size()) {
+    return testing::AssertionFailure()
+           << actual.size() << " values where " << expected.size() << " are expected";
+  }
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    if (std::memcmp(&actual[i], &expected[i], sizeof(T)) != 0) {
+      return testing::AssertionFailure() << "bits differ first at index " << i << ": " << actual[i]
+                                         << " where " << expected[i] << " is expected";
+    }
+  }
+  return testing::AssertionSuccess();
+}
+
+}  // namespace weft::test
