@@ -68,6 +68,7 @@ std::string device_name(const std::unique_ptr<Device>& device) {
 
 void add_device_fields(Report& report, const std::unique_ptr<Device>& device) {
   if (!device) return;
+  device->finish();  // collects the times of what was waited for by other means
   report.add("peak_device_memory", bytes_cell(device->peak_allocated()));
   if (!device->profile().empty()) add_profile_table(report, device->profile());
 }
