@@ -143,6 +143,14 @@ TEST_F(Compress, FitsTheSelectionOnly) {
   EXPECT_EQ(json::parse(verify.out).at("as_recorded"), true);
 }
 
+TEST_F(Compress, ImagesThatAreNotNeighboursAreSelected) {
+  const ProcessResult result = run_weft({"compress", raw(), "--rank", "4", "--views", "4,0",
+                                         "--lights", "5,1,3", "-o", path("part.weft")});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const ProcessResult verify = run_weft({"verify", path("part.weft"), "--against", raw()});
+  EXPECT_EQ(verify.status, 0) << verify.err;
+}
+
 TEST_F(Compress, BadRequestsAreStatusTwoAndLeaveNothing) {
   const std::string out = path("bad.weft");
   const std::pair<std::vector<std::string>, std::string> cases[] = {

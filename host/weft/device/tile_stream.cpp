@@ -120,7 +120,12 @@ class FinishAtEnd {
 
 TileStream::TileStream(Device& device, TileSource& source, std::size_t granule)
     : device_(device), source_(source), granule_(granule) {
-  mapped_ = !source.mapped(0, 1).empty() && device.limits().unified_memory;
+  // A selection of a mapped source can be mapped image by image and not in runs.
+  const std::size_t images = source.info().shape.images();
+  mapped_ = device.limits().unified_memory;
+  for (std::size_t first = 0; mapped_ && first < images; first += granule) {
+    mapped_ = !source.mapped(first, std::min(granule, images - first)).empty();
+  }
 }
 
 std::size_t TileStream::buffer_bytes() const {
@@ -161,6 +166,9 @@ void TileStream::for_each_mapped(const Work& work) {
     run.first = first;
     run.count = std::min(granule_, images - first);
     run.raw = Buffer::wrap(device_, source_.mapped(first, run.count), "mapped images");
+    // While the device works on this run, the system reads the next.
+    const std::size_t next = first + run.count;
+    if (next < images) source_.prefetch(next, std::min(granule_, images - next));
     work(first, run.count, run.raw);
     run.done = mark(device_);
     retire();

@@ -34,6 +34,13 @@ class TileSource {
     return {};
   }
 
+  // Says that images [first, first + count) will be asked for soon; a mapped source has the system
+  // read their pages meanwhile.
+  virtual void prefetch(std::size_t first, std::size_t count) {
+    (void)first;
+    (void)count;
+  }
+
   // Says that images [first, first + count) were consumed for now; a mapped source gives their
   // pages back, so that a file larger than memory does not stay resident.
   virtual void release(std::size_t first, std::size_t count) {

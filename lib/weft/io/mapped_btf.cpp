@@ -35,6 +35,10 @@ std::span<const std::byte> MappedBtfSource::mapped(std::size_t first, std::size_
   return aligned ? values : std::span<const std::byte>{};
 }
 
+void MappedBtfSource::prefetch(std::size_t first, std::size_t count) {
+  file_->prefetch(offset_ + first * info_.image_bytes(), images(first, count).size());
+}
+
 void MappedBtfSource::release(std::size_t first, std::size_t count) {
   // Images seldom end where a page does. A page that this run shares with the images before it goes
   // too, or a long file would leave one page per run behind; what is needed again is read again.

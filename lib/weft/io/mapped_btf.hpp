@@ -18,6 +18,7 @@ class MappedBtfSource final : public TileSource {
   void read(std::size_t first, std::size_t count, std::span<std::byte> out) override;
   // Empty where the file does not hold the values aligned to their size.
   std::span<const std::byte> mapped(std::size_t first, std::size_t count) override;
+  void prefetch(std::size_t first, std::size_t count) override;
   void release(std::size_t first, std::size_t count) override;
 
  private:
