@@ -306,7 +306,7 @@ void put(EditableModel& model, const std::string& tensor, std::size_t index, std
 }
 
 TEST(ModelFile, RefusesValuesThatAreNotFinite) {
-  for (const std::uint64_t bits : {0x7c00, 0xfc00, 0x7e00, 0x7c01}) {
+  for (const std::uint64_t bits : {0x7c00u, 0xfc00u, 0x7e00u, 0x7c01u}) {
     expect_edit_refused({"\"coefficients\"", "index 7", "finite"},
                         [&](EditableModel& m) { put(m, "coefficients", 7, bits, 2); });
   }

@@ -53,7 +53,7 @@ TEST(PcaModel, ReadsBackTheBitsThatWereRounded) {
 
 TEST(PcaModel, SmallestShapesAndRankZero) {
   for (const Storage storage : {Storage::f16, Storage::f32}) {
-    for (const std::size_t rank : {0, 1}) {
+    for (const std::size_t rank : {0u, 1u}) {
       PcaModel model = small_pca(storage, rank, 1.0, {1, 1, 1, 1, 1});
       model.info.errors.reset();
       model.info.btf.mask.clear();
