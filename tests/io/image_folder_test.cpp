@@ -55,7 +55,7 @@ TEST(ImageFolder, ReadsBackExactlyByItsManifest) {
   const TemporaryFolder folder;
   const BtfShape shape{3, 4, 6, 5, 3};
   for (const ImageFormat format : {ImageFormat::exr, ImageFormat::png}) {
-    for (const std::size_t threads : {1, 3}) {
+    for (const std::size_t threads : {1U, 3U}) {
       ImageFolderOptions options;
       options.format = format;
       options.threads = threads;

@@ -13,6 +13,7 @@
 #include <random>
 
 #include "support/image_files.hpp"
+#include "support/largest_allocation.hpp"
 #include "support/temporary_folder.hpp"
 #include "weft/error.hpp"
 #include "weft/tensor/half.hpp"
@@ -44,8 +45,11 @@ std::string error_of(std::span<const std::byte> file) {
   return "";
 }
 
+// Also checks that nothing was allocated in proportion to what the file claims.
 void expect_input_error(std::span<const std::byte> file, const std::string& part) {
+  test::reset_largest_allocation();
   const std::string message = error_of(file);
+  EXPECT_LT(test::largest_allocation(), std::size_t{1} << 20);
   EXPECT_NE(message.find("folder/odd.img"), std::string::npos) << message;
   EXPECT_NE(message.find(part), std::string::npos) << message;
 }
@@ -74,7 +78,7 @@ TEST(Image, NamesOfImagesAreToldByTheirEndings) {
 
 TEST(Png, RoundTripIsExactForGreyAndColour) {
   const TemporaryFolder folder;
-  for (const std::size_t channels : {1, 3}) {
+  for (const std::size_t channels : {1U, 3U}) {
     for (const auto& [height, width] :
          std::vector<std::pair<std::size_t, std::size_t>>{{1, 1}, {7, 5}, {64, 33}}) {
       const ImageInfo info{height, width, channels, DType::u8};
@@ -186,7 +190,7 @@ TEST(Png, LyingSizesAreRefusedBeforeAnythingIsAllocated) {
 }
 
 TEST(Jpeg, DecodesWithinTheQuantisation) {
-  for (const std::size_t channels : {1, 3}) {
+  for (const std::size_t channels : {1U, 3U}) {
     for (const bool progressive : {false, true}) {
       const ImageInfo info{24, 17, channels, DType::u8};
       const std::vector<std::byte> values = smooth_image(info, 5);
@@ -242,7 +246,7 @@ TEST(Exr, RoundTripIsExactForEveryTypeCompressionAndChannelCount) {
   std::mt19937 generator(5);
   std::normal_distribution<float> normal(0.0f, 10.0f);
   for (const DType dtype : {DType::f16, DType::f32}) {
-    for (const std::size_t channels : {1, 2, 3, 5}) {
+    for (const std::size_t channels : {1U, 2U, 3U, 5U}) {
       for (const auto compression :
            {ExrCompression::none, ExrCompression::zip, ExrCompression::piz}) {
         const ImageInfo info{37, 41, channels, dtype};

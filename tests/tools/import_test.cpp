@@ -93,8 +93,8 @@ TEST(Import, SelectsRelabelsAndConverts) {
   // 8 bits before it becomes a float.
   const std::vector<std::byte> image = smooth_image(small, 21);
   double linear = 0;
-  for (const std::size_t y : {2, 3}) {
-    for (const std::size_t x : {1, 2}) {
+  for (const std::size_t y : {2U, 3U}) {
+    for (const std::size_t x : {1U, 2U}) {
       const double code = std::to_integer<int>(image[(y * 6 + x) * 3]) / 255.0;
       linear += decode_to_linear(Encoding::srgb, code) / 4;
     }
