@@ -10,6 +10,7 @@
 #include "weft/ops/gram.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/reference/factorise.hpp"
+#include "weft/reference/gemm.hpp"
 
 namespace weft::ops {
 namespace {
@@ -48,31 +49,59 @@ std::vector<float> to_unit_magnitude(std::size_t count, const std::vector<double
 }
 
 // D V diag(lambda)^(-1/2), row-major count x count, and how many of its columns are not zero.
-std::pair<std::vector<float>, std::size_t> whitening(std::size_t count, std::vector<double> G) {
+struct Whitening {
+  std::vector<float> T;
+  std::size_t rank = 0;
+};
+
+// With `rotate`, columns come out along the principal axes; without, each stays as near to where it
+// was as it can (T V^T: a symmetric square root), unless some depend on others.
+Whitening whitening(std::size_t count, std::vector<double> G, bool rotate) {
   // unit columns
   std::vector<double> scale(count, 0.0);
+  std::size_t columns = 0;
   for (std::size_t j = 0; j < count; ++j) {
     const double square = G[j * count + j];
-    if (square > 0) scale[j] = 1.0 / std::sqrt(square);
+    if (square > 0) {
+      scale[j] = 1.0 / std::sqrt(square);
+      ++columns;
+    }
   }
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t j = 0; j < count; ++j) G[i * count + j] *= scale[i] * scale[j];
   }
   // principal axes
   const reference::SymmetricEigen eigen = reference::symmetric_eigen(count, G);
+  const std::vector<double>& V = eigen.vectors;
   const double floor_ratio = static_cast<double>(count) * 0x1p-23;
   const double floor = eigen.values[0] * floor_ratio * floor_ratio;
-  std::vector<float> T(count * count, 0.0f);
-  std::size_t rank = 0;
-  while (rank < count && eigen.values[rank] > floor) {
-    const double inverse = 1.0 / std::sqrt(eigen.values[rank]);
-    for (std::size_t j = 0; j < count; ++j) {
-      T[j * count + rank] =
-          static_cast<float>(scale[j] * eigen.vectors[j * count + rank] * inverse);
+  Whitening result;
+  while (result.rank < count && eigen.values[result.rank] > floor) ++result.rank;
+  // scaled to unit length, and turned back by V^T to stay
+  std::vector<double> axes(count * count, 0.0);
+  for (std::size_t j = 0; j < count; ++j) {
+    for (std::size_t r = 0; r < result.rank; ++r) {
+      axes[j * count + r] = V[j * count + r] / std::sqrt(eigen.values[r]);
     }
-    ++rank;
   }
-  return {std::move(T), rank};
+  if (!rotate && result.rank == columns) {
+    std::vector<double> transposed(count * count);
+    for (std::size_t i = 0; i < count; ++i) {
+      for (std::size_t r = 0; r < count; ++r) transposed[r * count + i] = V[i * count + r];
+    }
+    const std::vector<double> whole = axes;
+    reference::gemm(count, count, count, 1.0, whole, transposed, 0.0, axes);
+    // zero columns stay exactly so
+    for (std::size_t j = 0; j < count; ++j) {
+      for (std::size_t i = 0; i < count; ++i) axes[j * count + i] *= scale[i] > 0 ? 1.0 : 0.0;
+    }
+  }
+  for (std::size_t j = 0; j < count; ++j) {
+    for (std::size_t i = 0; i < count; ++i) {
+      result.T.push_back(static_cast<float>(scale[j] * axes[j * count + i]));
+    }
+  }
+  return result;
 }
 
 // Y <- Y T for packed Y.
@@ -99,9 +128,10 @@ std::size_t orthonormalise(Device& device, std::size_t n, std::size_t count, Buf
       transform(device, n, count, to_unit_magnitude(count, G), Y, scratch);
       G = squared(device, n, count, Y);
     }
-    auto [T, round_rank] = whitening(count, std::move(G));
-    transform(device, n, count, T, Y, scratch);
-    rank = round_rank;
+    // the second round only mends what rounding left of the first
+    const Whitening white = whitening(count, std::move(G), round == 0);
+    transform(device, n, count, white.T, Y, scratch);
+    rank = white.rank;
   }
   return rank;
 }

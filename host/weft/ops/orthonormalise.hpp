@@ -14,7 +14,8 @@ namespace weft::ops {
 //   G = D Y^T Y D,  D = diag(1 / |y_j|)      G = V diag(lambda) V^T
 //   Y <- Y D V diag(lambda)^(-1/2)
 //
-// twice, since the first round leaves the error of float times the condition number. Directions
+// and once more, since this leaves the error of float times the condition number; the second time
+// with V diag(lambda)^(-1/2) V^T, which keeps the order. Directions
 // with lambda below (count 2^-23)^2 of the largest are dropped: float columns do not hold them.
 // Zero columns are allowed, and so are columns of any magnitude; NaN or an infinity is a run-time
 // error. `scratch` is as large as Y. Waits for the device.
