@@ -86,6 +86,13 @@ std::size_t parse_size(std::string_view text, std::string_view option) {
              option, text, suffix);
 }
 
+DType parse_dtype(std::string_view text, std::string_view option) {
+  if (text == "u8") return DType::u8;
+  if (text == "f16") return DType::f16;
+  if (text == "f32") return DType::f32;
+  fail_input("{}: '{}' is not u8, f16 or f32", option, text);
+}
+
 OutputKind output_kind(const std::filesystem::path& path) {
   if (path.empty()) fail_input("the output has an empty name");
   if (!path.has_filename() || std::filesystem::is_directory(path)) return OutputKind::folder;

@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "weft/tensor/dtype.hpp"
+
 namespace CLI {
 class App;
 }
@@ -34,6 +36,9 @@ void add_device_options(CLI::App& command, DeviceOptions& options);
 // 1024; kB, MB, GB, TB powers of 1000; no unit means bytes. At least 1. Throws an input error that
 // names `option` and the text.
 std::size_t parse_size(std::string_view text, std::string_view option);
+
+// "u8", "f16" or "f32". Throws an input error that names `option` and the text.
+DType parse_dtype(std::string_view text, std::string_view option);
 
 // What an output is, by its name.
 enum class OutputKind {

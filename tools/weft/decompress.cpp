@@ -16,6 +16,7 @@
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
+#include "weft/btf/copy_images.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
 #include "weft/error.hpp"
@@ -39,10 +40,9 @@ struct DecompressOptions {
   OutputOptions report;
 };
 
-DType parse_output_type(const DecompressOptions& options, DType otherwise) {
+DType output_type(const DecompressOptions& options, DType otherwise) {
   if (options.dtype.empty()) return otherwise;
-  if (options.dtype == "u8") return DType::u8;
-  return options.dtype == "f16" ? DType::f16 : DType::f32;
+  return parse_dtype(options.dtype, "--dtype");
 }
 
 // The sink, and the same as image folder where it is one.
@@ -59,7 +59,7 @@ Output create_output(const DecompressOptions& options, const BtfInfo& data) {
       ImageFolderOptions folder;
       folder.format = image_format_from_name(options.format, "--format");
       folder.compression = exr_compression_from_name(options.compression, "--compression");
-      folder.exr_dtype = parse_output_type(options, DType::f16);
+      folder.exr_dtype = output_type(options, DType::f16);
       folder.threads = options.threads;
       folder.replace = options.replace;
       if (folder.format == ImageFormat::exr && folder.exr_dtype == DType::u8) {
@@ -71,11 +71,11 @@ Output create_output(const DecompressOptions& options, const BtfInfo& data) {
       return output;
     }
     case OutputKind::npy:
-      info.dtype = parse_output_type(options, data.dtype);
+      info.dtype = output_type(options, data.dtype);
       output.sink = create_npy_btf(options.output, info);
       return output;
     case OutputKind::safetensors:
-      info.dtype = parse_output_type(options, data.dtype);
+      info.dtype = output_type(options, data.dtype);
       output.sink = create_raw_btf(options.output, info);
       return output;
     case OutputKind::model:
@@ -113,7 +113,10 @@ void run_decompress(const DecompressOptions& options) {
   Output output = create_output(options, info);
   const Clock::time_point decode_start = Clock::now();
   if (images) {
-    copy_images(*images, *output.sink, job);
+    const StageTimer timer(job, "decode and write");
+    copy_images(*images, *output.sink, [&](std::size_t done) {
+      job.advance("decompress", done, images->info().shape.images());
+    });
   } else {
     decompress(*device, *model, *output.sink, job);
   }

@@ -18,6 +18,7 @@
 #include "selection_options.hpp"
 #include "subcommand.hpp"
 #include "weft/btf/adapt.hpp"
+#include "weft/btf/copy_images.hpp"
 #include "weft/btf/selection.hpp"
 #include "weft/error.hpp"
 #include "weft/io/capture.hpp"
@@ -28,7 +29,6 @@ namespace weft {
 namespace {
 
 // What is read before it is written on; a single image may be larger.
-constexpr std::size_t tile_bytes = std::size_t{64} << 20;
 // How many of the images that are no part of a capture a report names.
 constexpr std::size_t ignored_named = 3;
 
@@ -72,51 +72,14 @@ Capture open_input(const ImportOptions& options) {
   return open_capture(path, capture);
 }
 
-std::optional<DType> wanted_dtype(const std::string& name) {
-  if (name.empty()) return std::nullopt;
-  if (name == "u8") return DType::u8;
-  if (name == "f16") return DType::f16;
-  if (name == "f32") return DType::f32;
-  fail_input("--dtype: '{}' is none of u8, f16, f32", name);
-}
-
-// Copies every image; the tile is bounded by the larger of what is read and what is written.
-void copy(TileSource& source, std::size_t source_image_bytes, TileSink& sink, Progress& progress) {
-  const BtfInfo& info = source.info();
-  const std::size_t images = info.shape.images();
-  const std::size_t image_bytes = std::max(source_image_bytes, info.image_bytes());
-  const std::size_t tile = std::max<std::size_t>(1, tile_bytes / image_bytes);
-  std::vector<std::byte> buffer;
-  for (std::size_t first = 0; first < images; first += tile) {
-    check_interrupt();
-    const std::size_t count = std::min(tile, images - first);
-    std::span<const std::byte> values = source.mapped(first, count);
-    if (values.empty()) {
-      buffer.resize(count * info.image_bytes());
-      // A few images at a time, so that a slow capture shows that it moves.
-      constexpr std::size_t step = 16;
-      for (std::size_t i = 0; i < count; i += step) {
-        check_interrupt();
-        const std::size_t part = std::min(step, count - i);
-        source.read(first + i, part,
-                    std::span(buffer).subspan(i * info.image_bytes(), part * info.image_bytes()));
-        progress.update(first + i + part);
-      }
-      values = buffer;
-    }
-    sink.write(first, count, values);
-    source.release(first, count);
-    progress.update(first + count);
-  }
-}
-
 void run_import(const ImportOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const OutputKind output_kind_found = output_kind(options.output);
   if (output_kind_found != OutputKind::safetensors && output_kind_found != OutputKind::npy) {
     fail_input("{}: a raw BTF ends in .safetensors or .npy", options.output);
   }
-  const std::optional<DType> dtype = wanted_dtype(options.dtype);
+  std::optional<DType> dtype;
+  if (!options.dtype.empty()) dtype = parse_dtype(options.dtype, "--dtype");
   // Open, relabel, select, convert: in this order, since averaging needs the right encoding.
   const Capture capture = open_input(options);
   std::optional<Encoding> encoding;
@@ -133,8 +96,7 @@ void run_import(const ImportOptions& options) {
                                              ? create_npy_btf(options.output, info)
                                              : create_raw_btf(options.output, info);
   Progress progress(options.common, "import", info.shape.images());
-  copy(*source, labelled->info().image_bytes(), *sink, progress);
-  sink->finish();
+  copy_images(*source, *sink, [&progress](std::size_t done) { progress.update(done); });
   progress.finish();
   // Report.
   const double seconds =

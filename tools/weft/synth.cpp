@@ -68,13 +68,6 @@ ImageSize parse_image_size(std::string_view text) {
   return {side(text.substr(0, cross)), side(text.substr(cross + 1))};
 }
 
-DType parse_dtype(const std::string& name) {
-  if (name == "u8") return DType::u8;
-  if (name == "f16") return DType::f16;
-  if (name == "f32") return DType::f32;
-  fail_input("--dtype: '{}' is not u8, f16 or f32", name);
-}
-
 // Whether the output is NAME.npy, or else NAME.safetensors.
 bool is_npy_output(const std::string& output) {
   const OutputKind kind = output_kind(output);
@@ -89,7 +82,7 @@ void run_synth(const SynthOptions& options) {
   const ImageSize size = parse_image_size(options.size);
   const bool npy = is_npy_output(options.output);
   BtfInfo info;
-  info.dtype = parse_dtype(options.dtype);
+  info.dtype = parse_dtype(options.dtype, "--dtype");
   info.encoding = info.dtype == DType::u8 ? Encoding::srgb : Encoding::linear;
   info.quantity = Quantity::radiance;
   info.view_directions = direction_set(options.view_set, "--view-set");

@@ -13,8 +13,4 @@ namespace weft {
 // where the shapes differ or the plan exceeds job.memory.
 void decompress(Device& device, const Model& model, TileSink& sink, Job& job);
 
-// Copies any source (a selection, a mip level, the reference's decoding) into a sink in its type
-// and encoding, with the same clamping, and finishes it.
-void copy_images(TileSource& source, TileSink& sink, Job& job);
-
 }  // namespace weft
