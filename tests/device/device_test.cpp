@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <memory>
-#include <regex>
 #include <string>
 
 #include "device/spin.hpp"
@@ -29,17 +29,27 @@ std::string build_error(Device& device, const std::string& options) {
   return {};
 }
 
+// The line number behind the first "FILE:" that is followed by one; 0 if there is none.
+std::size_t line_in_log(const std::string& log, const std::string& file) {
+  for (std::size_t at = log.find(file + ":"); at != std::string::npos;
+       at = log.find(file + ":", at + 1)) {
+    const std::string number = log.substr(at + file.size() + 1, 9);
+    if (std::isdigit(static_cast<unsigned char>(number[0]))) return std::stoul(number);
+  }
+  return 0;
+}
+
 TEST(Program, AFailedBuildShowsTheLogWithFileAndLine) {
   Device device("auto");
   // MC is multiplied with in the body of gemm.cl
   const std::string own = build_error(device, "-DMC=rows_of_nothing");
   EXPECT_NE(own.find(device.limits().name), std::string::npos) << own;
   EXPECT_NE(own.find("-DMC=rows_of_nothing"), std::string::npos) << own;
-  EXPECT_TRUE(std::regex_search(own, std::regex("gemm\\.cl:[0-9]+"))) << own;
+  EXPECT_GT(line_in_log(own, "gemm.cl"), 0U) << own;
   EXPECT_NE(own.find("rows_of_nothing"), std::string::npos) << own;
   // VW is compared with in the included vector_width.cl
   const std::string included = build_error(device, "-DVW=8.5");
-  EXPECT_TRUE(std::regex_search(included, std::regex("vector_width\\.cl:[0-9]+"))) << included;
+  EXPECT_GT(line_in_log(included, "vector_width.cl"), 0U) << included;
   // the device is as good as before
   EXPECT_NE(device.kernel(kernel_sources::gemm, "", "gemm"), nullptr);
 }
@@ -47,12 +57,12 @@ TEST(Program, AFailedBuildShowsTheLogWithFileAndLine) {
 TEST(Program, LinesOfTheLogAreThoseOfTheFile) {
   Device device("auto");
   const std::string log = build_error(device, "-DMC=rows_of_nothing");
-  std::smatch match;
-  ASSERT_TRUE(std::regex_search(log, match, std::regex("gemm\\.cl:([0-9]+)"))) << log;
+  const std::size_t number = line_in_log(log, "gemm.cl");
+  ASSERT_GT(number, 0U) << log;
   std::ifstream file(WEFT_KERNEL_FOLDER "/gemm.cl");
   std::string shown;
-  for (std::size_t line = std::stoul(match[1]); line > 0; --line) std::getline(file, shown);
-  EXPECT_NE(shown.find("MC"), std::string::npos) << "line " << match[1] << ": " << shown;
+  for (std::size_t line = number; line > 0; --line) std::getline(file, shown);
+  EXPECT_NE(shown.find("MC"), std::string::npos) << "line " << number << ": " << shown;
 }
 
 TEST(Program, KernelsAreBuiltOncePerOptions) {
