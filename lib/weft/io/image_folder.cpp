@@ -70,7 +70,7 @@ ImageFormat image_format_from_name(std::string_view name, std::string_view optio
   fail_input("{}: '{}' is none of exr, png", option, name);
 }
 
-ImageFolderSink::ImageFolderSink(fs::path folder, const BtfInfo& data,
+ImageFolderSink::ImageFolderSink(const fs::path& folder, const BtfInfo& data,
                                  const ImageFolderOptions& options)
     : folder_(plain(folder)), options_(options), info_(stored_info(data, options, folder_)) {
   std::error_code error;

@@ -43,7 +43,7 @@ class ImageFolderSink final : public TileSink {
   // for EXR in F16 or F32 and linear light; for PNG in U8, in sRGB if the data are linear and in
   // their own encoding otherwise. Throws an input error if the folder can't be created, is not
   // empty (unless it is to be replaced), or if PNG can't hold the channels.
-  ImageFolderSink(std::filesystem::path folder, const BtfInfo& data,
+  ImageFolderSink(const std::filesystem::path& folder, const BtfInfo& data,
                   const ImageFolderOptions& options);
   ~ImageFolderSink() override;
 

@@ -285,9 +285,10 @@ void render_weave_reference(const Surface& surface, const WeaveRenderOptions& op
     const Direction& to_view = info.view_directions[view];
     const Direction& to_light = info.light_directions[index % shape.lights];
     for (std::size_t texel = 0; texel < shape.texels(); ++texel) {
+      const std::size_t row = texel / shape.width;
       const auto column = static_cast<double>(texel % shape.width);
       // Rows of texels run down, y runs up.
-      const auto top = static_cast<double>(shape.height - texel / shape.width);
+      const auto top = static_cast<double>(shape.height - row);
       Vector3 sum{};
       for (std::size_t s = 0; s < options.samples; ++s) {
         const auto [u, v] = sample_offset(options.seed, view, texel, s);
