@@ -24,7 +24,7 @@ std::vector<std::byte> counted_bytes(std::size_t count) {
 
 TEST(Buffer, WriteReadAndFillTouchTheirRangeOnly) {
   Device device("auto");
-  for (const std::size_t size : {1, 2, 127, 128, 129, 4096, 100003}) {
+  for (const std::size_t size : Sizes{1, 2, 127, 128, 129, 4096, 100003}) {
     SCOPED_TRACE(size);
     Buffer buffer(device, size, "buffer");
     EXPECT_EQ(buffer.size(), size);
@@ -86,7 +86,7 @@ TEST(Buffer, CopiesPastTheEndAreRefused) {
 TEST(Buffer, BeyondTheLargestAllocationIsRefusedWithSizes) {
   Device device("auto");
   const std::size_t limit = device.limits().largest_allocation;
-  for (const std::size_t bytes : {limit + 1, std::size_t{1} << 60, ~std::size_t{0}}) {
+  for (const std::size_t bytes : Sizes{limit + 1, std::size_t{1} << 60, ~std::size_t{0}}) {
     expect_error(ErrorKind::runtime,
                  {"coefficients", std::to_string(bytes), "largest allocation", device.limits().name,
                   std::to_string(limit)},
@@ -127,7 +127,9 @@ TEST(Buffer, AccountFollowsBuffersThroughMoves) {
     Buffer c = std::move(a);
     EXPECT_EQ(device.allocated(), 1200U);
     EXPECT_EQ(c.size(), 1000U);
-    EXPECT_FALSE(a);  // NOLINT(bugprone-use-after-move): moved-from buffers are empty
+    // A moved-from buffer is empty.
+    // NOLINTNEXTLINE(bugprone-use-after-move,clang-analyzer-cplusplus.Move)
+    EXPECT_FALSE(a);
     EXPECT_EQ(a.size(), 0U);
     b = std::move(c);
     EXPECT_EQ(device.allocated(), 1000U);
@@ -149,7 +151,7 @@ TEST(Buffer, ViewsOfHostMemoryReadWhatIsThere) {
   Device device("auto");
   const std::vector<std::byte> host = counted_bytes(5000);
   // also from an odd address, as the data of a mapped file may lie
-  for (const std::size_t offset : {0, 1, 3, 64}) {
+  for (const std::size_t offset : Sizes{0, 1, 3, 64}) {
     const auto part = std::span<const std::byte>(host).subspan(offset, 4099);
     const Buffer view = Buffer::wrap(device, part, "view");
     EXPECT_EQ(view.size(), part.size());

@@ -81,8 +81,8 @@ INSTANTIATE_TEST_SUITE_P(Sources, TileStreams, testing::Bool(), [](const auto& i
 });
 
 TEST_P(TileStreams, EveryImageOnceAndInOrder) {
-  for (const std::size_t granule : {std::size_t{1}, std::size_t{2}, std::size_t{5}, images - 1,
-                                    images, images + 1, std::size_t{1} << 40}) {
+  for (const std::size_t granule :
+       Sizes{1, 2, 5, images - 1, images, images + 1, std::size_t{1} << 40}) {
     SCOPED_TRACE(granule);
     WatchedSource source(mapped());
     std::size_t released = 0;
@@ -183,7 +183,7 @@ TEST(TileStream, BufferBytesAreThoseOfTwoRuns) {
 TEST(TileStream, AnErrorOfTheSourceArrivesAfterTheRunsBeforeIt) {
   Device device("auto");
   const std::size_t handles = live_cl_handles();
-  for (const std::size_t bad : {std::size_t{0}, std::size_t{1}, std::size_t{5}, images - 1}) {
+  for (const std::size_t bad : Sizes{0, 1, 5, images - 1}) {
     SCOPED_TRACE(bad);
     WatchedSource source(false);
     source.on_read = [&](std::size_t first, std::size_t) {
@@ -214,7 +214,7 @@ TEST_P(TileStreams, AnErrorOfTheWorkEndsThePassWithAnIdleDevice) {
   Buffer sink(device_, sizeof(float), "sink");
   enqueue_spin(device_, warm_in, 1, sink);
   device_.finish();
-  for (const std::size_t bad : {std::size_t{0}, std::size_t{1}, images - 1}) {
+  for (const std::size_t bad : Sizes{0, 1, images - 1}) {
     SCOPED_TRACE(bad);
     WatchedSource source(mapped());
     const std::size_t handles = live_cl_handles();

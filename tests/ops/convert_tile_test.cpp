@@ -78,7 +78,7 @@ Converted expect_convert(const Tile& tile, std::span<const float> row_means, flo
 
 TEST(ConvertTile, SmallOfEveryType) {
   for (const DType dtype : raw_types) {
-    for (const std::size_t channels : {1, 2, 3}) {
+    for (const std::size_t channels : Sizes{1, 2, 3}) {
       const Tile tile = random_tile(2, 29, channels, dtype, 1);
       expect_convert(tile, random_floats(tile.shape.rows(), 2, -1.0, 1.0), 0.25f);
     }
@@ -87,9 +87,10 @@ TEST(ConvertTile, SmallOfEveryType) {
 
 TEST(ConvertTile, StraddlesVectorsPanelsAndBlocks) {
   for (const DType dtype : raw_types) {
-    for (const std::size_t channels : {1, 2, 3, 4, 7}) {
-      for (const std::size_t texels : {1, 7, 8, 9, 16, 17, 23, 24, 25, 31, 383, 384, 385, 800}) {
-        for (const std::size_t images : {1, 3}) {
+    for (const std::size_t channels : Sizes{1, 2, 3, 4, 7}) {
+      for (const std::size_t texels :
+           Sizes{1, 7, 8, 9, 16, 17, 23, 24, 25, 31, 383, 384, 385, 800}) {
+        for (const std::size_t images : Sizes{1, 3}) {
           const Tile tile = random_tile(images, texels, channels, dtype, 3);
           expect_convert(tile, random_floats(tile.shape.rows(), 4, -1.0, 1.0), 1.0f);
         }
@@ -126,11 +127,11 @@ TEST(ConvertTile, NonFiniteValuesAreZeroWhereAskedFor) {
   const double bad[] = {std::nan(""), std::numeric_limits<double>::infinity(),
                         -std::numeric_limits<double>::infinity()};
   for (const DType dtype : {DType::f16, DType::f32}) {
-    for (const std::size_t channels : {1, 2, 3}) {
+    for (const std::size_t channels : Sizes{1, 2, 3}) {
       const std::size_t texels = 53;
       std::vector<double> values = random_values(texels * channels, 6, -1.0, 1.0);
       // in whole vectors and in the last few texels
-      for (const std::size_t at : {std::size_t{0}, std::size_t{11}, texels * channels - 1}) {
+      for (const std::size_t at : Sizes{0, 11, texels * channels - 1}) {
         values[at] = bad[at % 3];
       }
       Tile tile = tile_of(1, texels, channels, dtype, values);

@@ -76,35 +76,35 @@ void expect_decoded(const PcaModel& model, std::size_t first, std::size_t count)
 }
 
 TEST(DecodePca, SmallOfEachShape) {
-  for (const std::size_t channels : {1, 2, 3}) {
+  for (const std::size_t channels : Sizes{1, 2, 3}) {
     expect_decoded(random_model(3, 27, channels, 2), 1, 2);
   }
 }
 
 TEST(DecodePca, StraddlesVectorsPanelsAndBlocks) {
-  for (const std::size_t channels : {1, 2, 3, 4, 5}) {
-    for (const std::size_t texels : {1, 7, 8, 9, 16, 17, 23, 24, 25, 95, 96, 97, 193}) {
+  for (const std::size_t channels : Sizes{1, 2, 3, 4, 5}) {
+    for (const std::size_t texels : Sizes{1, 7, 8, 9, 16, 17, 23, 24, 25, 95, 96, 97, 193}) {
       expect_decoded(random_model(3, texels, channels, 5), 0, 3);
     }
-    for (const std::size_t images : {1, 15, 16, 17, 33}) {
+    for (const std::size_t images : Sizes{1, 15, 16, 17, 33}) {
       expect_decoded(random_model(images, 50, channels, 3), 0, images);
     }
   }
 }
 
 TEST(DecodePca, AnyRank) {
-  for (const std::size_t channels : {1, 2, 3, 5}) {
-    for (const std::size_t rank : {0, 1, 23, 24, 25, 64}) {
+  for (const std::size_t channels : Sizes{1, 2, 3, 5}) {
+    for (const std::size_t rank : Sizes{0, 1, 23, 24, 25, 64}) {
       expect_decoded(random_model(2, 49, channels, rank), 0, 2);
     }
   }
 }
 
 TEST(DecodePca, AnyRunOfImagesGivesTheSameBits) {
-  for (const std::size_t channels : {1, 3, 4}) {
+  for (const std::size_t channels : Sizes{1, 3, 4}) {
     const PcaModel model = random_model(40, 60, channels, 7);
     const std::vector<float> all = decode(model, 0, 40);
-    for (const std::size_t count : {1, 3, 16, 19}) {
+    for (const std::size_t count : Sizes{1, 3, 16, 19}) {
       for (std::size_t first = 0; first + count <= 40; first += count) {
         const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first * 60 * channels);
         EXPECT_TRUE(same_bits(

@@ -77,8 +77,8 @@ TEST(ErrorSums, SmallOfEveryType) {
 
 TEST(ErrorSums, StraddlesVectorsAndChunks) {
   for (const DType dtype : raw_types) {
-    for (const std::size_t texels : {std::size_t{1}, std::size_t{7}, std::size_t{8}, std::size_t{9},
-                                     chunk - 1, chunk, chunk + 1, 2 * chunk, std::size_t{5000}}) {
+    for (const std::size_t texels :
+         Sizes{1, 7, 8, 9, chunk - 1, chunk, chunk + 1, 2 * chunk, 5000}) {
       const Tile tile = random_tile(1, texels, 1, dtype, 2);
       expect_errors(tile, approximation_of(tile, 0.1), 1.0f);
       expect_errors(tile, approximation_of(tile, 1e-4), 0.5f);
@@ -108,8 +108,7 @@ TEST(ErrorSums, ScalesKeepSquaresInRange) {
 
 // Where the largest error and the largest value are does not matter.
 TEST(ErrorSums, MaximaAreFoundEverywhere) {
-  for (const std::size_t at :
-       {std::size_t{0}, std::size_t{7}, std::size_t{8}, chunk - 1, chunk, std::size_t{4999}}) {
+  for (const std::size_t at : Sizes{0, 7, 8, chunk - 1, chunk, 4999}) {
     std::vector<double> values(5000, 0.25);
     values[at] = -3.0;
     const Tile tile = tile_of(1, 5000, 1, DType::f32, values);
@@ -122,8 +121,7 @@ TEST(ErrorSums, MaximaAreFoundEverywhere) {
 // A NaN in the reconstruction must not pass for a small error, wherever it is and whatever follows.
 TEST(ErrorSums, NonFiniteReconstructionsShow) {
   const Tile tile = random_tile(1, 5000, 1, DType::f32, 6);
-  for (const std::size_t at : {std::size_t{0}, std::size_t{7}, std::size_t{8}, chunk - 8, chunk - 1,
-                               chunk, std::size_t{4095}, std::size_t{4999}}) {
+  for (const std::size_t at : Sizes{0, 7, 8, chunk - 8, chunk - 1, chunk, 4095, 4999}) {
     SCOPED_TRACE(at);
     std::vector<float> decoded = approximation_of(tile, 0.1);
     for (const float nan : {unused, -unused}) {

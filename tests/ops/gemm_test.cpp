@@ -159,8 +159,8 @@ TEST(Gemm, SmallInEveryLayout) {
 }
 
 TEST(Gemm, StraddlesTheMicroTile) {
-  for (const std::size_t M : {1, 2, 3, 4, 5, 7, 8, 9}) {
-    for (const std::size_t N : {1, 7, 8, 9, 23, 24, 25, 47, 48, 49}) {
+  for (const std::size_t M : Sizes{1, 2, 3, 4, 5, 7, 8, 9}) {
+    for (const std::size_t N : Sizes{1, 7, 8, 9, 23, 24, 25, 47, 48, 49}) {
       for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
         expect_exact({M, N, 5, a, Layout::row_major, false, 1.0f, 0.0f});
         expect_exact({M, N, 5, a, Layout::row_major, true, 1.0f, 1.0f});
@@ -170,8 +170,8 @@ TEST(Gemm, StraddlesTheMicroTile) {
 }
 
 TEST(Gemm, StraddlesTheMacroTile) {
-  for (const std::size_t M : {95, 96, 97, 191, 193}) {
-    for (const std::size_t N : {95, 96, 97, 200}) {
+  for (const std::size_t M : Sizes{95, 96, 97, 191, 193}) {
+    for (const std::size_t N : Sizes{95, 96, 97, 200}) {
       for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
         expect_exact({M, N, 31, a, Layout::row_major, false, 1.0f, -1.0f});
         expect_exact({M, N, 31, a, Layout::transposed, true, 1.0f, 0.0f});
@@ -185,7 +185,7 @@ TEST(Gemm, StraddlesTheMacroTile) {
 }
 
 TEST(Gemm, StraddlesTheDepthOfABlock) {
-  for (const std::size_t K : {1, 2, 23, 24, 25, 48, 239, 240, 241, 263, 480, 481, 1000}) {
+  for (const std::size_t K : Sizes{1, 2, 23, 24, 25, 48, 239, 240, 241, 263, 480, 481, 1000}) {
     for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
       expect_exact({9, 25, K, a, Layout::row_major, false, 1.0f, 0.0f});
       expect_exact({9, 25, K, a, Layout::row_major, true, 0.5f, 2.0f});
@@ -196,11 +196,12 @@ TEST(Gemm, StraddlesTheDepthOfABlock) {
 // alpha A B + beta C: K products and their sums, the sums of blocks of 240, alpha, beta and their
 // sum.
 double terms(std::size_t K) {
-  return static_cast<double>(K + 2 * ((K + 239) / 240) + 2);
+  const std::size_t blocks = (K + 239) / 240;
+  return static_cast<double>(K + 2 * blocks + 2);
 }
 
 TEST(Gemm, RoundingErrorIsBounded) {
-  for (const std::size_t K : {1, 24, 240, 241, 2000}) {
+  for (const std::size_t K : Sizes{1, 24, 240, 241, 2000}) {
     for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
       const Case c{37, 50, K, a, Layout::row_major, false, -0.7f, 1.3f};
       SCOPED_TRACE(testing::Message() << c);
@@ -278,14 +279,14 @@ TEST(Gemm, TheSameBitsWhateverTheTiles) {
   };
   const std::vector<float> whole = product(M);
   EXPECT_TRUE(same_bits(product(M), whole));
-  for (const std::size_t rows : {1, 50, 96, 97}) EXPECT_TRUE(same_bits(product(rows), whole));
+  for (const std::size_t rows : Sizes{1, 50, 96, 97}) EXPECT_TRUE(same_bits(product(rows), whole));
 }
 
 TEST(PackPanels, LayoutIsExactAndPaddedWithZero) {
   Device& device = shared_device();
   const std::size_t width = ops::panel_width(device);
-  for (const std::size_t K : {1, 2, 63, 64, 65, 129}) {
-    for (const std::size_t N : {1, 7, 23, 24, 25, 48, 50}) {
+  for (const std::size_t K : Sizes{1, 2, 63, 64, 65, 129}) {
+    for (const std::size_t N : Sizes{1, 7, 23, 24, 25, 48, 50}) {
       for (const Layout layout : {Layout::row_major, Layout::transposed}) {
         SCOPED_TRACE(testing::Message() << "K " << K << " N " << N);
         const std::vector<float> B = random_floats(K * N, 11, -1.0, 1.0);

@@ -92,8 +92,8 @@ TEST_P(Gram, SmallOfTwoSets) {
 }
 
 TEST_P(Gram, StraddlesBlocksOfColumns) {
-  for (const std::size_t count_x : {1, 3, 4, 5, 23, 24, 25, 49}) {
-    for (const std::size_t count_z : {1, 7, 8, 9, 23, 24, 25, 50}) {
+  for (const std::size_t count_x : Sizes{1, 3, 4, 5, 23, 24, 25, 49}) {
+    for (const std::size_t count_z : Sizes{1, 7, 8, 9, 23, 24, 25, 50}) {
       const std::vector<float> X = random_floats(13 * count_x, 3, -1.0, 1.0);
       const std::vector<float> Z = random_floats(13 * count_z, 4, -1.0, 1.0);
       for (const bool packed : {true, false}) {
@@ -104,7 +104,7 @@ TEST_P(Gram, StraddlesBlocksOfColumns) {
 }
 
 TEST_P(Gram, StraddlesChunks) {
-  for (const std::size_t n : {1, 2, 511, 512, 513, 1024, 1025, 32768, 32769, 40000}) {
+  for (const std::size_t n : Sizes{1, 2, 511, 512, 513, 1024, 1025, 32768, 32769, 40000}) {
     const std::vector<float> X = random_floats(n * 5, 5, -1.0, 1.0);
     const std::vector<float> Z = random_floats(n * 3, 6, -1.0, 1.0);
     expect_gram(n, 5, 3, true, X, Z, GetParam());

@@ -5,11 +5,13 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "support/generators.hpp"
@@ -89,12 +91,13 @@ inline std::vector<float> from_panels(std::span<const float> panels, std::size_t
 // The same bits in every place, NaN included.
 template <typename T>
 testing::AssertionResult same_bits(const std::vector<T>& actual, const std::vector<T>& expected) {
+  using Bits = std::conditional_t<sizeof(T) == sizeof(std::uint64_t), std::uint64_t, std::uint32_t>;
   if (actual.size() != expected.size()) {
     return testing::AssertionFailure()
            << actual.size() << " values where " << expected.size() << " are expected";
   }
   for (std::size_t i = 0; i < actual.size(); ++i) {
-    if (std::memcmp(&actual[i], &expected[i], sizeof(T)) != 0) {
+    if (std::bit_cast<Bits>(actual[i]) != std::bit_cast<Bits>(expected[i])) {
       return testing::AssertionFailure() << "bits differ first at index " << i << ": " << actual[i]
                                          << " where " << expected[i] << " is expected";
     }

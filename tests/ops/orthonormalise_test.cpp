@@ -119,8 +119,8 @@ TEST(Orthonormalise, SmallRandom) {
 }
 
 TEST(Orthonormalise, StraddlesPanelsAndChunks) {
-  for (const std::size_t n : {1, 2, 23, 24, 25, 100, 511, 513, 1025}) {
-    for (const std::size_t count : {1, 2, 23, 24, 25, 49}) {
+  for (const std::size_t n : Sizes{1, 2, 23, 24, 25, 100, 511, 513, 1025}) {
+    for (const std::size_t count : Sizes{1, 2, 23, 24, 25, 49}) {
       expect_basis(n, count, random_floats(n * count, 2, -1.0, 1.0));
     }
   }
@@ -128,8 +128,8 @@ TEST(Orthonormalise, StraddlesPanelsAndChunks) {
 
 TEST(Orthonormalise, KeepsTheRankOfProducts) {
   const std::size_t n = 300;
-  for (const std::size_t count : {5, 24, 30}) {
-    for (const std::size_t rank : {1, 2, 4}) {
+  for (const std::size_t count : Sizes{5, 24, 30}) {
+    for (const std::size_t rank : Sizes{1, 2, 4}) {
       const std::vector<double> A = random_values(n * rank, 3, -1.0, 1.0);
       const std::vector<double> B = random_values(rank * count, 4, -1.0, 1.0);
       std::vector<double> Y(n * count);
@@ -286,9 +286,10 @@ TEST(ProjectOut, Small) {
 }
 
 TEST(ProjectOut, StraddlesPanels) {
-  for (const std::size_t n : {49, 513}) {
-    for (const std::size_t q_count : {1, 23, 24, 25, 49}) {
-      for (const std::size_t count : {1, 23, 24, 25}) expect_projection(n, q_count, count, 1.0f);
+  for (const std::size_t n : Sizes{49, 513}) {
+    for (const std::size_t q_count : Sizes{1, 23, 24, 25, 49}) {
+      for (const std::size_t count : Sizes{1, 23, 24, 25})
+        expect_projection(n, q_count, count, 1.0f);
     }
   }
 }

@@ -24,7 +24,7 @@ ops::TileScan expect_scan(const Tile& tile) {
   SCOPED_TRACE(testing::Message() << tile);
   Device& device = shared_device();
   GuardedBuffer raw = guarded_raw(tile);
-  const ops::TileScan actual = ops::scan_tile(device, tile.shape, raw.buffer());
+  ops::TileScan actual = ops::scan_tile(device, tile.shape, raw.buffer());
   const ops::TileShape& shape = tile.shape;
   const reference::TileScan expected =
       reference::scan_tile(shape.images, shape.texels, shape.channels, tile.values);
@@ -53,9 +53,9 @@ TEST(ScanTile, SmallOfEveryType) {
 
 TEST(ScanTile, StraddlesVectorsAndChunks) {
   for (const DType dtype : raw_types) {
-    for (const std::size_t channels : {1, 2, 3, 4, 7}) {
-      for (const std::size_t texels : {1, 7, 8, 9, 23, 1023, 1024, 1025, 2049}) {
-        for (const std::size_t images : {1, 3}) {
+    for (const std::size_t channels : Sizes{1, 2, 3, 4, 7}) {
+      for (const std::size_t texels : Sizes{1, 7, 8, 9, 23, 1023, 1024, 1025, 2049}) {
+        for (const std::size_t images : Sizes{1, 3}) {
           expect_scan(random_tile(images, texels, channels, dtype, 3));
         }
       }
@@ -87,7 +87,7 @@ TEST(ScanTile, Extremes) {
     expect_scan(tile_of(1, 1030, 3, DType::f16, std::vector<double>(3090, value)));
   }
   // the largest magnitude may be negative, and anywhere
-  for (const std::size_t at : {0, 7, 8, 3071, 3072, 3089}) {
+  for (const std::size_t at : Sizes{0, 7, 8, 3071, 3072, 3089}) {
     std::vector<double> values(3090, 0.5);
     values[at] = -3.0;
     EXPECT_EQ(expect_scan(tile_of(1, 1030, 3, DType::f32, values)).largest, 3.0f);
@@ -103,10 +103,8 @@ TEST(ScanTile, FindsTheFirstNonFiniteValue) {
   for (const DType dtype : {DType::f16, DType::f32}) {
     for (const double bad : {std::nan(""), -std::nan(""), std::numeric_limits<double>::infinity(),
                              -std::numeric_limits<double>::infinity()}) {
-      for (const std::size_t at :
-           {std::size_t{0}, std::size_t{7}, std::size_t{8}, std::size_t{23}, std::size_t{24},
-            std::size_t{3069}, std::size_t{3071}, std::size_t{3072}, std::size_t{3073}, image - 15,
-            image - 1, image, image + 3072, 2 * image - 1}) {
+      for (const std::size_t at : Sizes{0, 7, 8, 23, 24, 3069, 3071, 3072, 3073, image - 15,
+                                        image - 1, image, image + 3072, 2 * image - 1}) {
         Tile tile = random_tile(2, texels, channels, dtype, 5);
         tile.values[at] = bad;
         EXPECT_EQ(expect_scan(tile_of(2, texels, channels, dtype, tile.values)).first_bad, at);

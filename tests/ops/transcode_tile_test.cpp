@@ -2,8 +2,10 @@
 // values) and the chunk (2048 values).
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <vector>
 
@@ -107,7 +109,7 @@ TEST(TranscodeTile, SmallOfEveryKind) {
 }
 
 TEST(TranscodeTile, StraddlesVectorsAndChunks) {
-  for (const std::size_t count : {1, 7, 8, 9, 2047, 2048, 2049, 4100}) {
+  for (const std::size_t count : Sizes{1, 7, 8, 9, 2047, 2048, 2049, 4100}) {
     const std::vector<float> values = random_floats(count, 2, -0.2, 1.2);
     for (const DType dtype : raw_types) {
       expect_transcoded(values, Encoding::linear, Encoding::srgb, dtype);

@@ -13,6 +13,9 @@
 
 namespace weft::test {
 
+// for (const std::size_t n : Sizes{1, 23, 24, 25})
+using Sizes = std::vector<std::size_t>;
+
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}

@@ -9,11 +9,11 @@
 
 #include <cstdlib>
 
-extern "C" cl_int CL_API_CALL clReleaseMemObject(cl_mem buffer) {
+extern "C" cl_int CL_API_CALL clReleaseMemObject(cl_mem memobj) {
   // set by the command oclgrind for its option --uninitialized
   static const bool keep = std::getenv("OCLGRIND_UNINITIALIZED") != nullptr;
   if (keep) return CL_SUCCESS;
   static const auto release =
       reinterpret_cast<decltype(&clReleaseMemObject)>(dlsym(RTLD_NEXT, "clReleaseMemObject"));
-  return release(buffer);
+  return release(memobj);
 }
