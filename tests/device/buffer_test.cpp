@@ -127,10 +127,10 @@ TEST(Buffer, AccountFollowsBuffersThroughMoves) {
     Buffer c = std::move(a);
     EXPECT_EQ(device.allocated(), 1200U);
     EXPECT_EQ(c.size(), 1000U);
-    // A moved-from buffer is empty.
-    // NOLINTNEXTLINE(bugprone-use-after-move,clang-analyzer-cplusplus.Move)
+    // NOLINTBEGIN(bugprone-use-after-move,clang-analyzer-cplusplus.Move): they are empty then
     EXPECT_FALSE(a);
     EXPECT_EQ(a.size(), 0U);
+    // NOLINTEND(bugprone-use-after-move,clang-analyzer-cplusplus.Move)
     b = std::move(c);
     EXPECT_EQ(device.allocated(), 1000U);
     Buffer& self = b;
