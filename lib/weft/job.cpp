@@ -26,6 +26,7 @@ void MemoryPlan::check() const {
 
 void Job::plan(MemoryPlan plan) const {
   plan.limit = memory;
+  plan.items.insert(plan.items.end(), held.begin(), held.end());
   if (on_plan) on_plan(plan);
   plan.check();
 }

@@ -43,6 +43,8 @@ class Job {
  public:
   // The most memory that the job may take, in bytes.
   std::size_t memory = std::size_t{2} << 30;
+  // What the caller holds meanwhile: counted in every plan.
+  std::vector<MemoryItem> held;
   // Seeds every generator.
   std::uint64_t seed = 0;
   // Read NaN and infinities as 0 instead of refusing them.

@@ -34,11 +34,15 @@ TEST(Validate, RefusesSizesOfZeroAndTooLargeOnes) {
   expect_invalid(info, {"too large", "1152921504606846976"});
   info.shape.width = std::numeric_limits<std::size_t>::max();
   expect_invalid(info, {"too large"});
-  // 2^62 bytes exactly are the most: 2 * 2 * 2 * W * 4 bytes.
-  info.shape.width = std::size_t{1} << 57;
+  // 2^48 values exactly are the most: 2 * 2 * 2 * W.
+  info.shape.width = std::size_t{1} << 45;
   EXPECT_NO_THROW(validate(info, "file.btf"));
-  info.shape.width = (std::size_t{1} << 57) + 1;
+  info.shape.width = (std::size_t{1} << 45) + 1;
   expect_invalid(info, {"too large"});
+  info = make_info({1, 1, 2, 2, 1024});
+  EXPECT_NO_THROW(validate(info, "file.btf"));
+  info.shape.channels = 1025;
+  expect_invalid(info, {"1025", "1024 channels"});
 }
 
 TEST(Validate, RefusesOtherDtypes) {

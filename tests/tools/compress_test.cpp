@@ -201,6 +201,53 @@ TEST_F(Compress, NaNIsRefusedByPlaceOrReadAsZero) {
       0);
 }
 
+// A mip level averages; what is read as 0 is 0 before, and spoils no neighbour.
+TEST_F(Compress, NaNIsZeroBeforeItIsAveraged) {
+  std::vector<double> values(shape.values(), 0.5);
+  values[0] = std::nan("");
+  write_raw(path("nan.safetensors"), *source_of(shape, DType::f32, values));
+  ASSERT_EQ(run_weft({"compress", path("nan.safetensors"), "--nan", "zero", "--level", "1",
+                      "--rank", "1", "--storage", "f32", "-o", path("n.weft")})
+                .status,
+            0);
+  ASSERT_EQ(run_weft({"decompress", path("n.weft"), "-o", path("n.safetensors")}).status, 0);
+  EXPECT_NEAR(raw_values(path("n.safetensors"))[0], 0.75 * 0.5, 1e-6);
+}
+
+TEST_F(Compress, SubnormalDataVerify) {
+  const auto source = source_of(shape, DType::f32, random_values(shape.values(), 3, 0, 1e-41));
+  write_raw(path("tiny.safetensors"), *source);
+  ASSERT_EQ(run_weft({"compress", path("tiny.safetensors"), "--rank", "3", "--storage", "f32", "-o",
+                      path("tiny.weft")})
+                .status,
+            0);
+  const ProcessResult verify = run_weft({"verify", path("tiny.weft")});
+  EXPECT_EQ(verify.status, 0) << verify.err;
+}
+
+TEST_F(Compress, ValuesBeyondTheRangeAreRefused) {
+  const auto source = source_of(shape, DType::f32, random_values(shape.values(), 3, 1e36, 2e36));
+  write_raw(path("huge.safetensors"), *source);
+  const ProcessResult result =
+      run_weft({"compress", path("huge.safetensors"), "-o", path("huge.weft")});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_NE(result.err.find("largest magnitude"), std::string::npos) << result.err;
+}
+
+TEST_F(Compress, MemoryBoundsEveryWayOfDecompressing) {
+  for (const std::vector<std::string>& way :
+       {std::vector<std::string>{}, std::vector<std::string>{"--device", "reference"},
+        std::vector<std::string>{"--level", "1"}}) {
+    std::vector<std::string> command{"decompress", model(), "--memory",
+                                     "1KiB",       "-o",    path("x.npy")};
+    command.insert(command.end(), way.begin(), way.end());
+    const ProcessResult result = run_weft(command);
+    EXPECT_EQ(result.status, 2) << result.err;
+    EXPECT_NE(result.err.find("--memory 1024"), std::string::npos) << result.err;
+    EXPECT_FALSE(fs::exists(path("x.npy")));
+  }
+}
+
 TEST_F(Compress, HelpHasExamples) {
   for (const char* command : {"compress", "decompress", "verify", "bench"}) {
     const ProcessResult help = run_weft({command, "--help"});
@@ -283,6 +330,7 @@ TEST_F(Compress, DecompressRefusesBadRequests) {
       {{model(), "-o", path("full")}, "full"},
       {{model(), "--format", "gif", "-o", path("x")}, "--format"},
       {{model(), "--dtype", "u8", "-o", path("x")}, "--dtype"},
+      {{model(), "--format", "png", "--dtype", "f32", "-o", path("x")}, "--dtype"},
       {{model(), "--views", "77", "-o", path("x")}, "--views"},
       {{raw(), "-o", path("x")}, "cloth.safetensors"},
       {{path("missing.weft"), "-o", path("x")}, "missing.weft"},

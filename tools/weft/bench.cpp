@@ -309,6 +309,7 @@ void run_bench(const BenchOptions& options) {
   const std::unique_ptr<Device> device = open_device(options.device);
   Report report;
   Bench(options, *device).run(report);
+  add_device_fields(report, device);
   report.print(options.report);
 }
 

@@ -65,6 +65,9 @@ Output create_output(const DecompressOptions& options, const BtfInfo& data) {
       if (folder.format == ImageFormat::exr && folder.exr_dtype == DType::u8) {
         fail_input("--dtype u8: EXR holds f16 or f32");
       }
+      if (folder.format == ImageFormat::png && !options.dtype.empty() && options.dtype != "u8") {
+        fail_input("--dtype {}: PNG holds u8", options.dtype);
+      }
       auto images = std::make_unique<ImageFolderSink>(options.output, info, folder);
       output.images = images.get();
       output.sink = std::move(images);
@@ -85,6 +88,12 @@ Output create_output(const DecompressOptions& options, const BtfInfo& data) {
              options.output);
 }
 
+std::size_t tensor_bytes(const Model& model) {
+  std::size_t bytes = 0;
+  for (const ModelTensor& tensor : model.tensors()) bytes += tensor.values.size();
+  return bytes;
+}
+
 void run_decompress(const DecompressOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
@@ -98,19 +107,25 @@ void run_decompress(const DecompressOptions& options) {
   ReportedJob reported(options.device, options.report);
   Job& job = reported.job();
 
+  job.held.push_back({"model", 2 * tensor_bytes(*model)});
+
   // Levels above 0 and the reference's decoding go image by image.
+  Selection level;
+  level.level = selection.level;
+  const BtfInfo info = select(model->info.btf, level);
   std::shared_ptr<TileSource> images;
   if (selection.level != 0 || !device) {
-    Selection level;
-    level.level = selection.level;
+    BtfInfo as_floats = info;
+    as_floats.dtype = DType::f32;
+    MemoryPlan plan;
+    plan.add("decoded images", 3 * model->info.btf.shape.image_values() * sizeof(double));
+    plan.add("images in and out", 2 * copy_images_bytes(as_floats));
+    if (device) plan.add("model on the device", codec.decoder_bytes(*model));
+    job.plan(plan);
     images = select(decoded_source(device.get(), model), level);
   }
-  BtfInfo info = model->info.btf;
-  if (images) {
-    info = images->info();
-    info.dtype = model->info.btf.dtype;
-  }
   Output output = create_output(options, info);
+  if (output.images) job.held.push_back({"image queue", output.images->queue_bytes()});
   const Clock::time_point decode_start = Clock::now();
   if (images) {
     const StageTimer timer(job, "decode and write");

@@ -14,6 +14,7 @@
 #include "job_report.hpp"
 #include "report.hpp"
 #include "subcommand.hpp"
+#include "weft/btf/adapt.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/device/tile_stream.hpp"
@@ -33,8 +34,11 @@ struct VerifyOptions {
 };
 
 // The part of the raw BTF that the model was fitted to.
-std::shared_ptr<TileSource> fitted_part(const std::string& path, const Model& model) {
-  const std::shared_ptr<TileSource> source = open_raw_btf(path);
+std::shared_ptr<TileSource> fitted_part(const std::string& path, const Model& model,
+                                        bool nan_zero) {
+  std::shared_ptr<TileSource> source = open_raw_btf(path);
+  // A mip level averages: what is to be read as 0 must be 0 before.
+  if (nan_zero) source = with_finite_values(source);
   const Selection selection = selection_from_json(model.info.selection, "the model's selection");
   std::shared_ptr<TileSource> part = select(source, selection);
   const BtfShape& found = part->info().shape;
@@ -101,7 +105,7 @@ void run_verify(const VerifyOptions& options) {
   const std::unique_ptr<Model> model = read_model(options.model);
   const Codec& codec = find_codec(model->info.codec);
   std::shared_ptr<TileSource> raw;
-  if (!options.against.empty()) raw = fitted_part(options.against, *model);
+  if (!options.against.empty()) raw = fitted_part(options.against, *model, options.nan == "zero");
   std::unique_ptr<Device> device = open_device(options.device);
 
   ReportedJob reported(options.device, options.report);

@@ -35,7 +35,12 @@ std::size_t KrylovBasis::bytes(const Device& device, std::size_t texels, std::si
                                std::size_t block) {
   const std::size_t padded = ops::round_up(block, ops::panel_width(device));
   // the blocks, one more while they are cut back, the next one, Y and the scratch block
-  return ((most_blocks + 1) * (texels + n) + 3 * texels) * padded * float_bytes;
+  const std::size_t vectors =
+      ((most_blocks + 1) * (texels + n) + 3 * texels) * padded * float_bytes;
+  // W^T W, its successor, and the eigensolver's copies, in double
+  const std::size_t columns = most_blocks * block;
+  const std::size_t small = 5 * columns * columns * sizeof(double);
+  return vectors + small + 2 * ops::gram_bytes(std::max(texels, n), block, block);
 }
 
 std::size_t KrylovBasis::columns() const {

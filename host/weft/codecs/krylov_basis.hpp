@@ -20,8 +20,9 @@ class KrylovBasis {
   KrylovBasis(Device& device, std::size_t texels, std::size_t n, std::size_t block,
               std::uint64_t seed);
 
-  // Device memory at its peak. A function of the sizes alone: the basis is cut back to one block of
-  // its best directions before it grows beyond `most_blocks`.
+  // Device memory at its peak, and host memory of the small problems beside it. A function of the
+  // sizes alone: the basis is cut back to one block of its best directions before it grows beyond
+  // `most_blocks`.
   static std::size_t bytes(const Device& device, std::size_t texels, std::size_t n,
                            std::size_t block);
 

@@ -165,7 +165,9 @@ class PcaCodec final : public Codec {
     }
     const double terms = static_cast<double>(pca.rank + 1);
     const double unit = 0x1p-24;
-    return terms * unit / (1 - terms * unit) * (largest_mean + largest_row * largest_column);
+    // Each operation on subnormal values may round by half a step of 2^-149 beside.
+    return terms * unit / (1 - terms * unit) * (largest_mean + largest_row * largest_column) +
+           terms * 0x1p-149;
   }
 
   std::unique_ptr<Model> read(const ModelFile& file) const override { return PcaModel::read(file); }

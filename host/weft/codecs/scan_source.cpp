@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "weft/error.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft {
@@ -25,6 +26,12 @@ SourceScan scan_source(Device& device, TileSource& source, Job& job) {
         scan.largest = std::max(scan.largest, static_cast<double>(tile.largest));
         job.advance("scan", first + count, shape.images());
       });
+  // Beyond, sums of values leave the range of float.
+  constexpr double largest_magnitude = 0x1p100;
+  if (scan.largest > largest_magnitude) {
+    fail_input("the input's largest magnitude is {:g}; devices take values up to {:g}",
+               scan.largest, largest_magnitude);
+  }
   return scan;
 }
 

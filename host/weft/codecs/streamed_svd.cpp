@@ -9,6 +9,7 @@
 
 #include "weft/codecs/krylov_basis.hpp"
 #include "weft/codecs/scan_source.hpp"
+#include "weft/error.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
@@ -88,6 +89,14 @@ MemoryPlan plan_streamed_svd(Device& device, TileSource& source, std::size_t ran
   // on the device while it is made, and on the host as result and as model
   plan.add("model", 3 * (shape.texels() + n) * std::min(rank, block) * sizeof(float));
   plan.add("means", 3 * n * sizeof(float));
+  plan.add("decoded images", granule * shape.image_values() * sizeof(float));
+  // No driver gives more in one piece, whatever the plan allows.
+  const std::size_t padded = ops::round_up(block, ops::panel_width(device));
+  const std::size_t piece = std::max(shape.texels(), n) * padded * sizeof(float);
+  if (piece > device.limits().largest_allocation) {
+    fail_input("rank {}: a block of the basis takes {} bytes in one piece, {} gives at most {}",
+               rank, piece, device.limits().name, device.limits().largest_allocation);
+  }
   return plan;
 }
 
@@ -134,8 +143,11 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
     if (squares == 0) return svd;  // the data is its mean
 
     // the best approximation in the basis
-    const StageTimer timer(job, "basis");
-    const std::vector<double> energies = basis.energies();
+    std::vector<double> energies;
+    {
+      const StageTimer timer(job, "basis");
+      energies = basis.energies();
+    }
     const std::size_t kept = std::min({rank, texels, n, energies.size()});
     double residual = squares;
     for (std::size_t i = 0; i < kept; ++i) residual -= energies[i];
@@ -146,13 +158,17 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
       done = done || foreseen_gain(errors) <= wanted_excess * errors.back();
     } else if (svd.passes >= 2) {
       // too small to be known from norms: measure, until it no longer falls
-      svd.rank = basis.result(kept, 1.0 / static_cast<double>(scale), svd.left, svd.right);
+      {
+        const StageTimer timer(job, "basis");
+        svd.rank = basis.result(kept, 1.0 / static_cast<double>(scale), svd.left, svd.right);
+      }
       const double now = measured_error(device, stream, info, svd, scale, squares, job);
       done = done || now <= rounding_error || measured - now <= measured_gain * now;
       measured = now;
       svd.relative_error = now;
       if (done) return svd;
     }
+    const StageTimer timer(job, "basis");
     // Where the basis can't grow, it holds all there is.
     if (done || !basis.grow()) {
       svd.rank = basis.result(kept, 1.0 / static_cast<double>(scale), svd.left, svd.right);

@@ -83,6 +83,11 @@ Columns row_major_columns(const Device& device, const Buffer& buffer, std::size_
   return {&buffer, count, panel_width(device), leading};
 }
 
+std::size_t gram_bytes(std::size_t n, std::size_t count_x, std::size_t count_z) {
+  return std::max<std::size_t>(1, ceil_div(n, chunk_rows(n))) * count_x * count_z * 2 *
+         sizeof(double);
+}
+
 std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z,
                          GramSums sums) {
   const std::size_t rows = chunk_rows(n);

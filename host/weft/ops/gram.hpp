@@ -28,6 +28,9 @@ Columns row_major_columns(const Device& device, const Buffer& buffer, std::size_
 // or pairs on any device.
 enum class GramSums { best, float_pairs };
 
+// Bytes of the partial sums that gram() holds on the device, and again on the host.
+std::size_t gram_bytes(std::size_t n, std::size_t count_x, std::size_t count_z);
+
 // G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z; waits for the device.
 // With double, |error| <= n 2^-53 sum |X Z|. With pairs, sums of c = max(512, n / 64) rows have
 // |error| <= (2 c 2^-24)^2 sum |X Z| at worst, and columns may be of any magnitude.

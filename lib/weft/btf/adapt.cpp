@@ -1,5 +1,7 @@
 #include "weft/btf/adapt.hpp"
 
+#include <cstdint>
+#include <cstring>
 #include <utility>
 #include <vector>
 
@@ -59,7 +61,37 @@ class ConvertedSource final : public TileSource {
   std::vector<std::byte> scratch_;
 };
 
+// Sets the values of type T whose exponent bits are all set to 0.
+template <typename T>
+void zero_non_finite(std::span<std::byte> values, T exponent) {
+  for (std::size_t i = 0; i < values.size(); i += sizeof(T)) {
+    T bits = 0;
+    std::memcpy(&bits, values.data() + i, sizeof bits);
+    if ((bits & exponent) == exponent) std::memset(values.data() + i, 0, sizeof bits);
+  }
+}
+
+class FiniteSource final : public TileSource {
+ public:
+  explicit FiniteSource(std::shared_ptr<TileSource> source) : source_(std::move(source)) {}
+
+  const BtfInfo& info() const override { return source_->info(); }
+  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
+    source_->read(first, count, out);
+    if (info().dtype == DType::f16) zero_non_finite<std::uint16_t>(out, 0x7c00);
+    if (info().dtype == DType::f32) zero_non_finite<std::uint32_t>(out, 0x7f800000);
+  }
+  void release(std::size_t first, std::size_t count) override { source_->release(first, count); }
+
+ private:
+  std::shared_ptr<TileSource> source_;
+};
+
 }  // namespace
+
+std::shared_ptr<TileSource> with_finite_values(std::shared_ptr<TileSource> source) {
+  return std::make_shared<FiniteSource>(std::move(source));
+}
 
 std::shared_ptr<TileSource> relabelled(std::shared_ptr<TileSource> source,
                                        std::optional<Encoding> encoding,

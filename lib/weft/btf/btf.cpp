@@ -8,6 +8,10 @@
 
 namespace weft {
 namespace {
+// So that no number of bytes computed from a shape can overflow, whatever the type.
+constexpr std::size_t largest_values = std::size_t{1} << 48;
+// Kernels hold a few vectors per channel in private memory.
+constexpr std::size_t largest_channels = 1024;
 
 template <typename Value, std::size_t Size>
 using Names = std::array<std::pair<Value, std::string_view>, Size>;
@@ -83,12 +87,15 @@ void validate(const BtfInfo& info, std::string_view where) {
   const BtfShape& shape = info.shape;
   const std::string sizes = fmt::format("[{}, {}, {}, {}, {}]", shape.views, shape.lights,
                                         shape.height, shape.width, shape.channels);
-  std::size_t bytes = size_of(info.dtype);
+  std::size_t values = 1;
   for (std::size_t size : {shape.views, shape.lights, shape.height, shape.width, shape.channels}) {
     if (size == 0) fail_input("{}: shape {} has a size of 0", where, sizes);
-    if (__builtin_mul_overflow(bytes, size, &bytes) || bytes > (std::size_t{1} << 62)) {
+    if (__builtin_mul_overflow(values, size, &values) || values > largest_values) {
       fail_input("{}: shape {} is too large", where, sizes);
     }
+  }
+  if (shape.channels > largest_channels) {
+    fail_input("{}: shape {} has more than {} channels", where, sizes, largest_channels);
   }
 
   const bool paired = info.layout == Layout::paired;

@@ -66,9 +66,9 @@ struct BtfInfo {
 };
 
 // Throws an input error that names `where` (the file), the field and the value unless: every size
-// is at least 1 and their product in bytes fits in 2^62, dtype is U8, F16 or F32, direction counts
-// match the shape and layout, every direction is finite and of unit length within 1e-3, `paired`
-// has L = 1, channel names and mask, where given, have the right count.
+// is at least 1, their product at most 2^48 and the channels at most 1024; dtype is U8, F16 or F32;
+// direction counts match the shape and layout; every direction is finite and of unit length within
+// 1e-3; `paired` has L = 1; channel names and mask, where given, have the right count.
 void validate(const BtfInfo& info, std::string_view where);
 
 }  // namespace weft

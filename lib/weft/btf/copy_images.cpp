@@ -25,7 +25,15 @@ void clamp_floats(std::span<std::byte> values, float limit) {
   }
 }
 
+std::size_t images_of_a_run(const BtfInfo& info) {
+  return std::clamp<std::size_t>(tile_bytes / info.image_bytes(), 1, info.shape.images());
+}
+
 }  // namespace
+
+std::size_t copy_images_bytes(const BtfInfo& info) {
+  return images_of_a_run(info) * info.image_bytes();
+}
 
 void check_same_shape(const BtfShape& from, const BtfShape& to) {
   if (from == to) return;
@@ -48,7 +56,7 @@ void copy_images(TileSource& source, TileSink& sink,
       encode_from_linear(input.encoding, decode_to_linear(output.encoding, double{half_max})));
   const bool clamped = input.dtype == DType::f32 && output.dtype == DType::f16;
   const std::size_t images = input.shape.images();
-  const std::size_t run = std::max<std::size_t>(1, tile_bytes / input.image_bytes());
+  const std::size_t run = images_of_a_run(input);
   std::vector<std::byte> copied;
   std::vector<std::byte> rewritten;
   for (std::size_t first = 0; first < images; first += run) {

@@ -16,6 +16,9 @@ namespace weft {
 void copy_images(TileSource& source, TileSink& sink,
                  const std::function<void(std::size_t done)>& progress);
 
+// Bytes of a run of images of this representation that copy_images holds.
+std::size_t copy_images_bytes(const BtfInfo& info);
+
 // Throws an input error unless the two shapes are equal.
 void check_same_shape(const BtfShape& from, const BtfShape& to);
 

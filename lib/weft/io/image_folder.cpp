@@ -113,6 +113,10 @@ ImageFolderSink::~ImageFolderSink() {
   }
 }
 
+std::size_t ImageFolderSink::queue_bytes() const {
+  return (queued_per_thread + 1) * threads_.size() * info_.image_bytes();
+}
+
 std::string ImageFolderSink::file_name(std::size_t image) const {
   const std::size_t view = image / info_.shape.lights;
   const std::size_t light = info_.layout == Layout::paired ? view : image % info_.shape.lights;

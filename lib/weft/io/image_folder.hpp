@@ -57,6 +57,8 @@ class ImageFolderSink final : public TileSink {
   std::string file_name(std::size_t image) const;
 
   std::size_t threads() const { return threads_.size(); }
+  // The most bytes of images that wait or are being written.
+  std::size_t queue_bytes() const;
   // Seconds spent in encoding and in writing files, summed over the threads, so far.
   double busy_seconds() const;
   // Seconds that write() and finish() waited for the writing threads.

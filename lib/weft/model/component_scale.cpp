@@ -39,6 +39,8 @@ float scale_for(float largest) {
 // Calls run(component, first, count) for each run of values that belong to one component.
 template <typename Run>
 void for_each_run(const ComponentLayout& layout, const Run& run) {
+  // An empty tensor may claim any number of outer indices.
+  if (layout.components == 0 || layout.inner == 0) return;
   for (std::size_t o = 0; o < layout.outer; ++o) {
     for (std::size_t c = 0; c < layout.components; ++c) {
       run(c, (o * layout.components + c) * layout.inner, layout.inner);

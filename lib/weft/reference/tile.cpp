@@ -61,7 +61,8 @@ void fail_non_finite(const BtfShape& shape, std::size_t at) {
   const std::size_t y = at % shape.height;
   at /= shape.height;
   fail_input(
-      "the input holds NaN or an infinity, first at view {}, light {}, row {}, column {}, channel "
+      "the input, as selected, holds NaN or an infinity, first at view {}, light {}, row {}, "
+      "column {}, channel "
       "{}; "
       "--nan zero reads such values as 0",
       at / shape.lights, at % shape.lights, y, x, c);
