@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <charconv>
-#include <cmath>
 
 #include "weft/error.hpp"
 

@@ -13,7 +13,6 @@
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
-#include "weft/btf/adapt.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/error.hpp"
@@ -60,10 +59,8 @@ void run_compress(const CompressOptions& options) {
   check_parameters(codec, options.parameters);
   const std::shared_ptr<TileSource> input = open_raw_btf(options.input);
   const Selection selection = make_selection(options.selection, input->info());
-  // A mip level averages: what is to be read as 0 must be 0 before.
   const bool nan_zero = options.nan == "zero";
-  const std::shared_ptr<TileSource> source =
-      select(nan_zero && selection.level > 0 ? with_finite_values(input) : input, selection);
+  const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
   std::unique_ptr<Device> device = open_device(options.device);
 
   ReportedJob reported(options.device, options.report);

@@ -1,7 +1,9 @@
 #include "selection_options.hpp"
 
 #include <CLI/CLI.hpp>
+#include <utility>
 
+#include "weft/btf/adapt.hpp"
 #include "weft/btf/btf.hpp"
 
 namespace weft {
@@ -47,6 +49,12 @@ Selection make_selection(const SelectionOptions& options, const BtfInfo& info) {
   }
   selection.level = options.level;
   return selection;
+}
+
+std::shared_ptr<TileSource> selected_part(std::shared_ptr<TileSource> input,
+                                          const Selection& selection, bool nan_zero) {
+  if (nan_zero && selection.level > 0) input = with_finite_values(std::move(input));
+  return select(std::move(input), selection);
 }
 
 }  // namespace weft

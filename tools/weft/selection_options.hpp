@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <string>
 
 #include "weft/btf/selection.hpp"
@@ -21,5 +22,10 @@ struct SelectionOptions {
 void add_selection_options(CLI::App& command, SelectionOptions& options);
 // The selection that the options mean for an input. Throws an input error that names the option.
 Selection make_selection(const SelectionOptions& options, const BtfInfo& info);
+
+// The selected part of an input. With `nan_zero`, values that a mip level averages are made finite
+// before; without a level, that is left to the reader of the values, so that mapped input stays so.
+std::shared_ptr<TileSource> selected_part(std::shared_ptr<TileSource> input,
+                                          const Selection& selection, bool nan_zero);
 
 }  // namespace weft

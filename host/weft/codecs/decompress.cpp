@@ -1,7 +1,6 @@
 #include "weft/codecs/decompress.hpp"
 
 #include <algorithm>
-#include <utility>
 #include <vector>
 
 #include "weft/btf/copy_images.hpp"
@@ -10,6 +9,7 @@
 #include "weft/ops/tile.hpp"
 
 namespace weft {
+
 void decompress(Device& device, const Model& model, TileSink& sink, Job& job) {
   const BtfShape& shape = model.info.btf.shape;
   const BtfInfo& output = sink.info();
@@ -60,8 +60,7 @@ void decompress(Device& device, const Model& model, TileSink& sink, Job& job) {
   };
   for (std::size_t first = 0, index = 0; first < shape.images(); first += run, ++index) {
     check_interrupt();
-    Slot& slot = slots[index % 2];
-    write_out(slot);
+    Slot& slot = slots[index % 2];  // written out when the run after it was begun
     slot.first = first;
     slot.count = std::min(run, shape.images() - first);
     decoder->decode(first, slot.count, decoded);

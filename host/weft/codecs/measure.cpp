@@ -1,7 +1,6 @@
 #include "weft/codecs/measure.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "weft/codecs/scan_source.hpp"

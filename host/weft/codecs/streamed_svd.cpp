@@ -110,8 +110,7 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
   // means and range
   SourceScan scan = scan_source(device, source, job);
   svd.mean = std::move(scan.means);
-  svd.largest = scan.largest;
-  const float scale = unit_scale(svd.largest);
+  const float scale = unit_scale(scan.largest);
   Buffer mean(device, n * sizeof(float), "mean");
   device.write(mean, std::span<const float>(svd.mean));
 
@@ -152,7 +151,6 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
     double residual = squares;
     for (std::size_t i = 0; i < kept; ++i) residual -= energies[i];
     errors.push_back(std::sqrt(std::max(residual, 0.0) / squares));
-    svd.relative_error = errors.back();
     bool done = svd.passes >= most_passes;
     if (errors.back() >= resolved_error) {
       done = done || foreseen_gain(errors) <= wanted_excess * errors.back();
@@ -165,7 +163,6 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
       const double now = measured_error(device, stream, info, svd, scale, squares, job);
       done = done || now <= rounding_error || measured - now <= measured_gain * now;
       measured = now;
-      svd.relative_error = now;
       if (done) return svd;
     }
     const StageTimer timer(job, "basis");

@@ -22,13 +22,11 @@
 namespace weft {
 
 struct StreamedSvd {
-  std::size_t rank = 0;       // k: what was asked, less what the data does not hold
-  std::vector<float> mean;    // [n], n = N C
-  std::vector<float> left;    // U [P, k], orthonormal columns
-  std::vector<float> right;   // A^T U [n, k]: the singular values are in it, descending
-  std::size_t passes = 0;     // over the data, without scanning and measuring
-  double relative_error = 0;  // |A - U U^T A| / |A| as known at the end
-  double largest = 0;         // largest magnitude of the data
+  std::size_t rank = 0;      // k: what was asked, less what the data does not hold
+  std::vector<float> mean;   // [n], n = N C
+  std::vector<float> left;   // U [P, k], orthonormal columns
+  std::vector<float> right;  // A^T U [n, k]: the singular values are in it, descending
+  std::size_t passes = 0;    // over the data, without scanning and measuring
 };
 
 // What streamed_svd will take, for a plan.
