@@ -147,7 +147,8 @@ void add_compress(CLI::App& program, Action& action) {
               [options, name = std::string(spec.name)](const std::string& value) {
                 options->parameters[name] = value;
               },
-              fmt::format("{} [{}]", spec.help, spec.default_value))
+              spec.default_value.empty() ? std::string(spec.help)
+                                         : fmt::format("{} [{}]", spec.help, spec.default_value))
           ->type_name("VALUE")
           ->group("Codec");
     }

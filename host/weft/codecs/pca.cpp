@@ -3,11 +3,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
-#include "weft/codecs/streamed_svd.hpp"
+#include "weft/codecs/truncated_svd.hpp"
 #include "weft/error.hpp"
 #include "weft/model/pca.hpp"
 #include "weft/ops/decode_pca.hpp"
@@ -82,16 +81,14 @@ class PcaCodec final : public Codec {
   std::string_view summary() const override {
     return "principal components of the texels' ABRDFs, mean removed";
   }
-  std::span<const ParameterSpec> parameters() const override {
-    static constexpr std::array<ParameterSpec, 1> specs{{{"rank", "64", "number of components k"}}};
-    return specs;
-  }
+  std::span<const ParameterSpec> parameters() const override { return svd_parameters; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const std::size_t rank = count_parameter(*this, parameters, "rank", 1);
-    job.plan(plan_streamed_svd(device, source, rank));
-    StreamedSvd svd = streamed_svd(device, source, rank, job);
+    const SvdOptions options = svd_options(*this, parameters);
+    const std::size_t rank = options.rank;
+    job.plan(plan_truncated_svd(device, source, options));
+    TruncatedSvd svd = truncated_svd(device, source, options, job);
     auto model = std::make_unique<PcaModel>();
     model->rank = svd.rank;
     model->mean = std::move(svd.mean);
@@ -116,7 +113,9 @@ class PcaCodec final : public Codec {
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const std::size_t rank = count_parameter(*this, parameters, "rank", 1);
+    const SvdOptions options = svd_options(*this, parameters);
+    if (options.has_goal()) fail_input("the reference encoder takes --rank only, no other goal");
+    const std::size_t rank = options.rank;
     auto model = reference::encode_pca(source, rank, job);
     describe(*model, source.info(), rank, storage);
     model->round_to_storage();

@@ -45,6 +45,12 @@ double foreseen_gain(const std::vector<double>& errors) {
                                  : std::numeric_limits<double>::infinity();
 }
 
+double squares_of(const std::vector<float>& values) {
+  double sum = 0;
+  for (const float value : values) sum += double{value} * double{value};
+  return sum;
+}
+
 // Relative error of the current approximation, by decoding it.
 double measured_error(Device& device, TileStream& stream, const BtfInfo& info,
                       const StreamedSvd& svd, float scale, double squares, Job& job) {
@@ -151,6 +157,9 @@ StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, J
     double residual = squares;
     for (std::size_t i = 0; i < kept; ++i) residual -= energies[i];
     errors.push_back(std::sqrt(std::max(residual, 0.0) / squares));
+    const double mean_squares =
+        static_cast<double>(texels) * squares_of(svd.mean) * std::pow(double{scale}, 2);
+    svd.error = std::sqrt(std::max(residual, 0.0) / (squares + mean_squares));
     bool done = svd.passes >= most_passes;
     if (errors.back() >= resolved_error) {
       done = done || foreseen_gain(errors) <= wanted_excess * errors.back();

@@ -27,6 +27,7 @@ struct StreamedSvd {
   std::vector<float> left;   // U [P, k], orthonormal columns
   std::vector<float> right;  // A^T U [n, k]: the singular values are in it, descending
   std::size_t passes = 0;    // over the data, without scanning and measuring
+  double error = 0;          // |A - A_k| / |T|, as far as float norms tell
 };
 
 // What streamed_svd will take, for a plan.

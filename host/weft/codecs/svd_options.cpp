@@ -1,0 +1,79 @@
+#include "weft/codecs/svd_options.hpp"
+
+#include <charconv>
+#include <string>
+
+#include "weft/error.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t default_rank = 64;
+
+std::string_view given(const Parameters& parameters, std::string_view name) {
+  const auto found = parameters.find(name);
+  return found == parameters.end() ? std::string_view{} : std::string_view(found->second);
+}
+
+// A number in (0, 1); 0 where none is given.
+double fraction(const Parameters& parameters, std::string_view name) {
+  if (!parameters.contains(name)) return 0;
+  const std::string_view text = given(parameters, name);
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto [stop, status] = std::from_chars(text.data(), end, value);
+  if (status != std::errc() || stop != end || !(value > 0 && value < 1)) {
+    fail_input("--{} {}: a number between 0 and 1 is needed", name, text);
+  }
+  return value;
+}
+
+}  // namespace
+
+std::string_view name_of(SvdMethod method) {
+  switch (method) {
+    case SvdMethod::gram:
+      return "gram";
+    case SvdMethod::randomized:
+      return "randomized";
+    case SvdMethod::qr:
+      return "qr";
+    case SvdMethod::automatic:
+      break;
+  }
+  return "auto";
+}
+
+std::string_view name_of(Arithmetic arithmetic) {
+  return arithmetic == Arithmetic::f32 ? "f32" : "f64";
+}
+
+SvdOptions svd_options(const Codec& codec, const Parameters& parameters) {
+  SvdOptions options;
+  if (parameters.contains("svd")) {
+    const std::string_view text = given(parameters, "svd");
+    bool known = false;
+    for (const SvdMethod method :
+         {SvdMethod::automatic, SvdMethod::gram, SvdMethod::randomized, SvdMethod::qr}) {
+      if (name_of(method) != text) continue;
+      options.method = method;
+      known = true;
+    }
+    if (!known) fail_input("--svd {}: one of auto, gram, randomized, qr is needed", text);
+  }
+  if (parameters.contains("arithmetic")) {
+    const std::string_view text = given(parameters, "arithmetic");
+    if (text != "f32" && text != "f64") fail_input("--arithmetic {}: f32 or f64 is needed", text);
+    options.arithmetic = text == "f64" ? Arithmetic::f64 : Arithmetic::f32;
+  }
+  options.tolerance = fraction(parameters, "tolerance");
+  options.energy = fraction(parameters, "energy");
+  if (parameters.contains("rank")) {
+    options.rank = count_parameter(codec, parameters, "rank", 1);
+  } else if (!options.has_goal()) {
+    options.rank = default_rank;
+  }
+  return options;
+}
+
+}  // namespace weft

@@ -1,0 +1,46 @@
+// What every PCA-like codec lets its user choose about a truncated SVD.
+//
+//   A = T - mean, unfolded     A ~ A_k = U_k (U_k^T A)
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+
+#include "weft/codecs/codec.hpp"
+#include "weft/ops/arithmetic.hpp"
+
+namespace weft {
+
+// gram: eigenvectors of the Gram matrix of the short side, one pass and a projection; loses
+// singular values below about sqrt(eps) of the largest. randomized: block Krylov iteration, a few
+// passes. qr: QR of all rows, then an SVD of R: accurate to eps, and slower.
+enum class SvdMethod { automatic, gram, randomized, qr };
+
+struct SvdOptions {
+  SvdMethod method = SvdMethod::automatic;
+  Arithmetic arithmetic = Arithmetic::f32;
+  std::size_t rank = 0;  // most components; 0: as many as the goals below ask for
+  double tolerance = 0;  // wanted |A - A_k| / |T|, the relative error as reported; 0: none
+  double energy = 0;     // wanted |A_k|^2 / |A|^2 of the data without its mean; 0: none
+
+  bool has_goal() const { return tolerance > 0 || energy > 0; }
+};
+
+// "auto" "gram" "randomized" "qr"; "f32" "f64".
+std::string_view name_of(SvdMethod method);
+std::string_view name_of(Arithmetic arithmetic);
+
+// The parameters of a codec on this engine, for its table.
+inline constexpr std::array<ParameterSpec, 5> svd_parameters{{
+    {"rank", "", "number of components k, 64 unless a goal is given; with a goal, the most"},
+    {"svd", "auto", "how: gram, randomized, qr, or auto by goal and shape"},
+    {"arithmetic", "f32", "f32, or f64 where the device has it"},
+    {"tolerance", "", "goal: relative error of the factors before they are stored, as 1e-3"},
+    {"energy", "", "goal: part of the squared norm without the mean to be kept, as 0.99"},
+}};
+
+// The options that `parameters` ask for. Throws input errors that name the option and the value.
+SvdOptions svd_options(const Codec& codec, const Parameters& parameters);
+
+}  // namespace weft
