@@ -3,6 +3,7 @@
 # A line `#include "other.cl"` is replaced by that file, between #line directives, so that a compile
 # error names the file and the line that a person wrote.
 cmake_minimum_required(VERSION 3.25)
+include(${CMAKE_CURRENT_LIST_DIR}/TextBytes.cmake)
 
 get_filename_component(folder ${INPUT} DIRECTORY)
 file(READ ${INPUT} rest)
@@ -28,10 +29,7 @@ while(TRUE)
 endwhile()
 string(APPEND text "${rest}")
 
-string(HEX "${text}" digits)
-string(LENGTH "${digits}" length)
-math(EXPR length "${length} / 2")
-string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${digits}")
+weft_text_bytes("${text}" bytes length)
 file(WRITE ${OUTPUT} "// Made from ${STEM}.cl by EmbedKernel.cmake.
 #include \"weft/device/kernel_sources.hpp\"
 

@@ -42,10 +42,27 @@ function(weft_embed_kernels target)
       COMMAND ${CMAKE_COMMAND} -DINPUT=${file} -DOUTPUT=${output} -DSTEM=${stem}
               -P ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
       DEPENDS ${file} ${WEFT_KERNEL_INCLUDES} ${PROJECT_SOURCE_DIR}/cmake/EmbedKernel.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/TextBytes.cmake
       COMMENT "Embedding ${stem}.cl"
       VERBATIM)
     target_sources(${target} PRIVATE ${output})
   endforeach()
+endfunction()
+
+# Embeds the tuning database that comes with the program: kernels/tuning.json becomes
+# shipped_tuning_text.
+function(weft_embed_tuning target)
+  set(file ${PROJECT_SOURCE_DIR}/kernels/tuning.json)
+  set(output ${CMAKE_CURRENT_BINARY_DIR}/kernels/shipped_tuning.cpp)
+  add_custom_command(
+    OUTPUT ${output}
+    COMMAND ${CMAKE_COMMAND} -DINPUT=${file} -DOUTPUT=${output}
+            -P ${PROJECT_SOURCE_DIR}/cmake/EmbedTuning.cmake
+    DEPENDS ${file} ${PROJECT_SOURCE_DIR}/cmake/EmbedTuning.cmake
+            ${PROJECT_SOURCE_DIR}/cmake/TextBytes.cmake
+    COMMENT "Embedding tuning.json"
+    VERBATIM)
+  target_sources(${target} PRIVATE ${output})
 endfunction()
 
 # A test program: weft_add_test(NAME SOURCES a.cpp ... [LABELS l ...] [TIMEOUT seconds]).
@@ -75,5 +92,5 @@ function(weft_add_oclgrind_test name target)
   add_test(NAME ${name}
            COMMAND sh ${PROJECT_SOURCE_DIR}/tests/support/run_oclgrind.sh ${OCLGRIND}
                    ${CMAKE_CURRENT_BINARY_DIR}/${name}.log $<TARGET_FILE:${target}> ${ARGN})
-  set_tests_properties(${name} PROPERTIES TIMEOUT 600 LABELS oclgrind)
+  set_tests_properties(${name} PROPERTIES TIMEOUT 600 LABELS oclgrind ENVIRONMENT "WEFT_TUNING=")
 endfunction()

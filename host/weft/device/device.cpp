@@ -4,6 +4,7 @@
 
 #include "weft/device/cl_status.hpp"
 #include "weft/device/list_devices.hpp"
+#include "weft/device/tuning_file.hpp"
 #include "weft/error.hpp"
 
 namespace weft {
@@ -25,10 +26,23 @@ void detail::set_argument(cl_kernel kernel, cl_uint index, std::size_t size, con
   fail_runtime("argument {} of kernel {}: {}", index, name, cl_status_name(status));
 }
 
+namespace {
+
+Tuning load_tuning(const DeviceLimits& limits) {
+  std::vector<DeviceFingerprint> present;
+  for (const DeviceLimits& device : list_devices()) present.push_back(fingerprint(device));
+  std::vector<std::string> warnings;
+  const TuningDatabase user = read_tuning(user_tuning_file(), warnings);
+  return Tuning(limits, present, shipped_tuning(), user, std::move(warnings));
+}
+
+}  // namespace
+
 Device::Device(std::string_view choice, bool profile) : profiling_(profile) {
   FoundDevice found = choose_device(choice);
   id_ = found.id;
   limits_ = std::move(found.limits);
+  tuning_ = load_tuning(limits_);
   const cl_context_properties properties[] = {
       CL_CONTEXT_PLATFORM, reinterpret_cast<cl_context_properties>(found.platform), 0};
   cl_int status = CL_SUCCESS;
@@ -41,6 +55,13 @@ Device::Device(std::string_view choice, bool profile) : profiling_(profile) {
 
 Device::~Device() {
   if (queue_) clFinish(queue_.get());
+}
+
+void Device::tune(const TunableKernel& kernel, std::vector<std::size_t> values,
+                  std::string source) {
+  const std::string reason = refusal(kernel, values, limits_);
+  if (!reason.empty()) fail_input("values for kernel {}: {}", kernel.name, reason);
+  tuning_.set(kernel, std::move(values), std::move(source));
 }
 
 cl_program Device::program(const KernelSource& source, const std::string& options) {

@@ -17,6 +17,7 @@
 #include "weft/device/buffer.hpp"
 #include "weft/device/handle.hpp"
 #include "weft/device/kernel_sources.hpp"
+#include "weft/device/tuning.hpp"
 
 namespace weft {
 
@@ -54,7 +55,7 @@ class Device {
   // `choice`: "auto" (the first GPU, else the first device), an index of list_devices(), or a part
   // of a name, whatever the case. Throws a no-device error that says how to get one if there is
   // none, an input error naming the choice if it fits none or several. `profile` keeps a time per
-  // kernel.
+  // kernel. Values of tunable macros come from the tuning databases.
   explicit Device(std::string_view choice, bool profile = false);
   ~Device();
   Device(const Device&) = delete;
@@ -64,6 +65,16 @@ class Device {
   cl_context context() const { return context_.get(); }
   cl_command_queue queue() const { return queue_.get(); }
   cl_device_id id() const { return id_; }
+
+  // The value of a tunable macro on this device; "-DNAME=VALUE ..." for all macros of a kernel.
+  std::size_t parameter(const TunableKernel& kernel, std::string_view macro) const {
+    return tuning_.value(kernel, macro);
+  }
+  std::string tuned_options(const TunableKernel& kernel) const { return tuning_.options(kernel); }
+  const Tuning& tuning() const { return tuning_; }
+  // Sets all values of a kernel, in the order of its table. Throws an input error if they are not
+  // legal or can't go together on this device.
+  void tune(const TunableKernel& kernel, std::vector<std::size_t> values, std::string source);
 
   // A kernel of a source built with `options` (macros as "-DNAME=VALUE"), from the program cache of
   // this Device. A failed build is a run-time error with the build log.
@@ -114,6 +125,7 @@ class Device {
 
   cl_device_id id_ = nullptr;
   DeviceLimits limits_;
+  Tuning tuning_;
   Handle<cl_context> context_;
   Handle<cl_command_queue> queue_;
   std::map<std::string, Handle<cl_program>> programs_;

@@ -20,4 +20,7 @@ extern const KernelSource transcode_tile;
 extern const KernelSource weave;
 }  // namespace kernel_sources
 
+// kernels/tuning.json
+extern const char* const shipped_tuning_text;
+
 }  // namespace weft

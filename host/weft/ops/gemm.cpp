@@ -6,20 +6,38 @@
 
 #include "weft/ops/launch.hpp"
 
+namespace weft {
+
+namespace {
+constexpr Tunable gemm_macros[] = {
+    {"MC", 96, {24, 48, 96, 192, 384}, "rows of a macro-tile"},
+    {"KC", 240, {96, 144, 192, 240, 288, 336, 384, 480}, "depth of a block"},
+    {"TILE_PANELS", 20, {4, 8, 12, 16, 20, 24, 32, 40}, "most panels of a macro-tile"},
+    {"PACK_ROWS", 64, {16, 32, 64, 128, 256}, "rows that one work-item packs"},
+};
+}  // namespace
+constinit const TunableKernel tunables::gemm{"gemm", gemm_macros};
+
+}  // namespace weft
+
 namespace weft::ops {
 namespace {
-constexpr std::size_t pack_rows = 64;
-constexpr std::size_t macro_rows = 96;
 
 // Columns of a macro-tile: whole panels, so many that a panel's block of B is reused from the
 // caches, and so few that every compute unit has several tiles.
 std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N) {
+  const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
   const std::size_t width = panel_width(device);
-  const std::size_t most = 20 * width;
+  const std::size_t most = device.parameter(tunables::gemm, "TILE_PANELS") * width;
   const std::size_t row_tiles = ceil_div(M, macro_rows);
   const std::size_t wanted_tiles = 8;  // fixed: no result may depend on the number of units
   const std::size_t columns = round_up(ceil_div(N * row_tiles, wanted_tiles), width);
   return std::clamp(columns, width, most);
+}
+
+std::string gemm_options(const Device& device, bool a_transposed) {
+  return fmt::format("{} {} -DA_TRANSPOSED={}", vector_option(device),
+                     device.tuned_options(tunables::gemm), a_transposed ? 1 : 0);
 }
 }  // namespace
 
@@ -43,8 +61,9 @@ std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N) 
 }
 
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed) {
+  const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS");
   const cl_kernel kernel =
-      device.kernel(kernel_sources::gemm, vector_option(device), "pack_panels");
+      device.kernel(kernel_sources::gemm, gemm_options(device, false), "pack_panels");
   set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(K),
                 ulong(N), packed);
   launch_items(device, kernel, ceil_div(N, panel_width(device)), ceil_div(K, pack_rows));
@@ -62,9 +81,9 @@ Result to_panels(const Device& device, Buffer& buffer, std::size_t rows) {
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
                  const Operand& A, const Buffer& packed_b, float beta, const Result& C) {
   const std::size_t columns = macro_columns(device, M, N);
-  const std::string options = fmt::format("{} -DA_TRANSPOSED={}", vector_option(device),
-                                          A.row == 1 && A.column != 1 ? 1 : 0);
-  const cl_kernel kernel = device.kernel(kernel_sources::gemm, options, "gemm");
+  const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
+  const cl_kernel kernel = device.kernel(kernel_sources::gemm,
+                                         gemm_options(device, A.row == 1 && A.column != 1), "gemm");
   set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), alpha, *A.buffer,
                 ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel), packed_b, beta,
                 *C.buffer, ulong(C.offset), ulong(C.row), ulong(C.panel));

@@ -6,11 +6,28 @@
 
 #include "weft/ops/launch.hpp"
 
+namespace weft {
+
+// Sums of float are no longer than by default, so that bounds of their errors hold.
+namespace {
+constexpr Tunable scan_tile_macros[] = {
+    {"CHUNK", 1024, {128, 256, 512, 1024}, "texels of a work-item"}};
+constexpr Tunable convert_tile_macros[] = {
+    {"PANELS", 16, {1, 2, 4, 8, 16}, "panels of a work-item"}};
+constexpr Tunable error_sums_macros[] = {
+    {"CHUNK", 2048, {256, 512, 1024, 2048}, "values of a work-item"}};
+constexpr Tunable transcode_tile_macros[] = {
+    {"CHUNK", 2048, {256, 512, 1024, 2048, 4096, 8192}, "values of a work-item"}};
+}  // namespace
+constinit const TunableKernel tunables::scan_tile{"scan_tile", scan_tile_macros};
+constinit const TunableKernel tunables::convert_tile{"convert_tile", convert_tile_macros};
+constinit const TunableKernel tunables::error_sums{"error_sums", error_sums_macros};
+constinit const TunableKernel tunables::transcode_tile{"transcode_tile", transcode_tile_macros};
+
+}  // namespace weft
+
 namespace weft::ops {
 namespace {
-constexpr std::size_t scan_chunk = 1024;    // texels
-constexpr std::size_t convert_panels = 16;  // panels
-constexpr std::size_t value_chunk = 2048;   // values
 
 std::string tile_options(const TileShape& tile) {
   return fmt::format("{} -DCHANNELS={}", value_options(tile.dtype, tile.nan_zero), tile.channels);
@@ -18,14 +35,15 @@ std::string tile_options(const TileShape& tile) {
 }  // namespace
 
 TileScan scan_tile(Device& device, const TileShape& tile, const Buffer& raw) {
-  const std::size_t chunks = ceil_div(tile.texels, scan_chunk);
+  const std::size_t chunks = ceil_div(tile.texels, device.parameter(tunables::scan_tile, "CHUNK"));
   const std::size_t slots = tile.images * chunks;
   Buffer sums(device, slots * tile.channels * 2 * sizeof(float), "tile sums");
   Buffer largest(device, slots * sizeof(float), "tile maxima");
   Buffer first_bad(device, slots * sizeof(std::uint64_t), "tile checks");
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::scan_tile,
-                    fmt::format("{} -DCHUNK={}", tile_options(tile), scan_chunk), "scan_tile");
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::scan_tile,
+      fmt::format("{} {}", tile_options(tile), device.tuned_options(tunables::scan_tile)),
+      "scan_tile");
   set_arguments(kernel, raw, ulong(tile.texels), sums, largest, first_bad);
   launch_items(device, kernel, chunks, tile.images);
 
@@ -58,13 +76,14 @@ std::size_t panel_elements(const Device& device, const TileShape& tile) {
 
 void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
                   std::size_t first_row, float scale, Buffer& panels, double* squares) {
-  const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device)), convert_panels);
+  const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device)),
+                                      device.parameter(tunables::convert_tile, "PANELS"));
   Buffer partial(device, squares ? tile.images * blocks * sizeof(float) : sizeof(float),
                  "sums of squares");
   const cl_kernel kernel =
       device.kernel(kernel_sources::convert_tile,
-                    fmt::format("{} {} -DPANELS={} -DSQUARES={}", tile_options(tile),
-                                vector_option(device), convert_panels, squares ? 1 : 0),
+                    fmt::format("{} {} {} -DSQUARES={}", tile_options(tile), vector_option(device),
+                                device.tuned_options(tunables::convert_tile), squares ? 1 : 0),
                     "convert_tile");
   set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, ulong(first_row), scale,
                 panels, partial);
@@ -77,12 +96,14 @@ void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, cons
 
 ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
                      const Buffer& decoded, float scale) {
+  const std::size_t value_chunk = device.parameter(tunables::error_sums, "CHUNK");
   const std::size_t chunks = ceil_div(tile.values(), value_chunk);
   Buffer partial(device, chunks * 4 * sizeof(float), "partial errors");
-  const cl_kernel kernel = device.kernel(
-      kernel_sources::error_sums,
-      fmt::format("{} -DCHUNK={}", value_options(tile.dtype, tile.nan_zero), value_chunk),
-      "error_sums");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::error_sums,
+                    fmt::format("{} {}", value_options(tile.dtype, tile.nan_zero),
+                                device.tuned_options(tunables::error_sums)),
+                    "error_sums");
   set_arguments(kernel, raw, decoded, ulong(tile.values()), scale, partial);
   launch_items(device, kernel, chunks);
   std::vector<float> host(chunks * 4);
@@ -101,13 +122,14 @@ ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
 void transcode_tile(Device& device, std::size_t count, const Buffer& in, Encoding from, Encoding to,
                     DType dtype, Buffer& out) {
   const int type = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::transcode_tile,
-                    fmt::format("-DFROM={} -DTO={} -DOUT={} -DCHUNK={}", static_cast<int>(from),
-                                static_cast<int>(to), type, value_chunk),
-                    "transcode_tile");
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::transcode_tile,
+      fmt::format("-DFROM={} -DTO={} -DOUT={} {}", static_cast<int>(from), static_cast<int>(to),
+                  type, device.tuned_options(tunables::transcode_tile)),
+      "transcode_tile");
   set_arguments(kernel, in, ulong(count), out);
-  launch_items(device, kernel, ceil_div(count, value_chunk));
+  launch_items(device, kernel,
+               ceil_div(count, device.parameter(tunables::transcode_tile, "CHUNK")));
 }
 
 }  // namespace weft::ops
