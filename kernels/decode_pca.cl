@@ -5,7 +5,8 @@
 //   A:    panels [ceil(P / NR)][k][NR], A(p, j) = A[((p / NR) k + j) NR + p % NR], zero-padded
 //   B:    [images CHANNELS][k]: the k coefficients of an image's channel are neighbours
 //   mean: [images][CHANNELS]
-//   out:  [images][P][CHANNELS]: images [first_image, first_image + images) of the model
+//   out:  [first_out + images][P][CHANNELS]: images [first_image, first_image + images) of the model,
+//         behind first_out others
 //
 // One work-item decodes PANELS panels of texels for IMAGES images: the panels stay in the first
 // cache while the images pass. Three vectors of 8 texels by up to three channels are held at once.
@@ -62,8 +63,8 @@ inline void store_texels(const float8* channel, uint valid, __global float* out)
   }
 
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k, __global const float* restrict A,
-                         __global const float* restrict B, __global const float* restrict mean,
+__kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k, ulong first_out,
+                         __global const float* restrict A, __global const float* restrict B, __global const float* restrict mean,
                          __global float* restrict out) {
   const ulong panel_count = (texels + NR - 1) / NR;
   const ulong panel_begin = get_global_id(0) * PANELS;
@@ -105,7 +106,7 @@ __kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k,
           u[c] = x, v[c] = y, w[c] = z;
         }
 #endif
-        __global float* texel = out + (image * texels + p) * CHANNELS;
+        __global float* texel = out + ((first_out + image) * texels + p) * CHANNELS;
         const uint valid = (uint)min((ulong)24, texels - p);
         store_texels(u, min(valid, 8u), texel);
         if (valid > 8) store_texels(v, min(valid - 8, 8u), texel + 8 * CHANNELS);

@@ -116,6 +116,27 @@ TEST(DecodePca, AnyRunOfImagesGivesTheSameBits) {
   }
 }
 
+// Images behind others leave those alone.
+TEST(DecodePca, SmallBehindOtherImages) {
+  Device& device = shared_device();
+  const PcaModel model = random_model(4, 27, 3, 2);
+  const std::size_t image = 27 * 3;
+  GuardedBuffer a(device,
+                  std::span<const float>(panels_of(transpose(model.coefficients, 27, 2), 2, 27,
+                                                   ops::panel_width(device), 0.0f)),
+                  "A");
+  GuardedBuffer b(device, std::span<const float>(transpose(model.basis, 2, model.mean.size())),
+                  "B");
+  GuardedBuffer mean(device, std::span<const float>(model.mean), "mean");
+  GuardedBuffer out(device, std::span<const float>(std::vector<float>(5 * image, 7.0f)), "images");
+  ops::decode_pca(device, {1, 2, 27, 3, 2, 2}, a.buffer(), b.buffer(), mean.buffer(), out.buffer());
+  std::vector<float> expected(5 * image, 7.0f);
+  const std::vector<float> images = decode(model, 1, 2);
+  std::copy(images.begin(), images.end(), expected.begin() + 2 * static_cast<long>(image));
+  EXPECT_TRUE(same_bits(out.values<float>(), expected));
+  EXPECT_TRUE(out.intact());
+}
+
 TEST(DecodePca, AnyMagnitude) {
   for (const double size : {1e-30, 1e30}) expect_decoded(random_model(2, 30, 3, 10, size), 0, 2);
 }

@@ -140,15 +140,24 @@ void add_compress(CLI::App& program, Action& action) {
   for (const Codec* codec : codecs()) {
     for (const ParameterSpec& spec : codec->parameters()) {
       const std::string flag = "--" + std::string(spec.name);
-      if (command->get_option_no_throw(flag)) continue;  // shared by several codecs
+      const std::string help = spec.default_value.empty()
+                                   ? std::string(spec.help)
+                                   : fmt::format("{} [{}]", spec.help, spec.default_value);
+      if (CLI::Option* shared = command->get_option_no_throw(flag)) {
+        // what another codec means by it, where that differs
+        const std::string known = shared->get_description();
+        if (known.find(help) == std::string::npos) {
+          shared->description(fmt::format("{}; {}: {}", known, codec->name(), help));
+        }
+        continue;
+      }
       command
           ->add_option_function<std::string>(
               flag,
               [options, name = std::string(spec.name)](const std::string& value) {
                 options->parameters[name] = value;
               },
-              spec.default_value.empty() ? std::string(spec.help)
-                                         : fmt::format("{} [{}]", spec.help, spec.default_value))
+              help)
           ->type_name("VALUE")
           ->group("Codec");
     }

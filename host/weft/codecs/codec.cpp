@@ -5,12 +5,13 @@
 #include <charconv>
 
 #include "weft/codecs/pca.hpp"
+#include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
 
 namespace weft {
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 1> table{&pca_codec()};
+  static const std::array<const Codec*, 2> table{&pca_codec(), &view_pca_codec()};
   return table;
 }
 

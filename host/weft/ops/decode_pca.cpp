@@ -26,7 +26,7 @@ void decode_pca(Device& device, const DecodePcaShape& shape, const Buffer& A, co
                                 device.tuned_options(tunables::decode_pca), shape.channels),
                     "decode_pca");
   set_arguments(kernel, ulong(shape.texels), ulong(shape.first_image), ulong(shape.images),
-                ulong(shape.rank), A, B, mean, out);
+                ulong(shape.rank), ulong(shape.first_out), A, B, mean, out);
   const std::size_t block_panels = device.parameter(tunables::decode_pca, "PANELS");
   const std::size_t block_images = device.parameter(tunables::decode_pca, "IMAGES");
   launch_items(device, kernel, ceil_div(ceil_div(shape.texels, panel_width(device)), block_panels),

@@ -1,8 +1,7 @@
 #include "weft/model/pca.hpp"
 
-#include <numeric>
-
 #include "weft/model/component_scale.hpp"
+#include "weft/model/selected_indices.hpp"
 
 namespace weft {
 namespace {
@@ -18,12 +17,6 @@ std::vector<std::size_t> coefficients_shape(const BtfShape& shape, std::size_t r
 }
 std::vector<std::size_t> basis_shape(const BtfShape& shape, std::size_t rank) {
   return {rank, shape.views, shape.lights, shape.channels};
-}
-
-std::vector<std::size_t> all_indices(std::size_t count) {
-  std::vector<std::size_t> indices(count);
-  std::iota(indices.begin(), indices.end(), std::size_t{0});
-  return indices;
 }
 
 }  // namespace
@@ -71,27 +64,13 @@ std::unique_ptr<PcaModel> PcaModel::select(const Selection& selection) const {
   model->info.errors.reset();  // they were measured of the whole
   model->rank = rank;
 
-  // texels of the region
-  const Region region = part.region.value_or(Region{0, 0, whole.width, whole.height});
-  for (std::size_t y = region.y; y < region.y + region.height; ++y) {
-    const auto row =
-        coefficients.begin() + static_cast<std::ptrdiff_t>((y * whole.width + region.x) * rank);
+  const SelectedIndices indices = selected_indices(whole, part);
+  for (const std::size_t p : indices.texels) {
+    const auto row = coefficients.begin() + static_cast<std::ptrdiff_t>(p * rank);
     model->coefficients.insert(model->coefficients.end(), row,
-                               row + static_cast<std::ptrdiff_t>(region.width * rank));
+                               row + static_cast<std::ptrdiff_t>(rank));
   }
-
-  // rows (v, l, c)
-  const std::vector<std::size_t> views = part.views.value_or(all_indices(whole.views));
-  const std::vector<std::size_t> lights = part.lights.value_or(all_indices(whole.lights));
-  const std::vector<std::size_t> channels = part.channels.value_or(all_indices(whole.channels));
-  std::vector<std::size_t> rows;
-  for (const std::size_t v : views) {
-    for (const std::size_t l : lights) {
-      for (const std::size_t c : channels) {
-        rows.push_back((v * whole.lights + l) * whole.channels + c);
-      }
-    }
-  }
+  const std::vector<std::size_t> rows = indices.image_channels(whole);
   for (const std::size_t row : rows) model->mean.push_back(mean[row]);
   for (std::size_t j = 0; j < rank; ++j) {
     for (const std::size_t row : rows) model->basis.push_back(basis[j * mean.size() + row]);

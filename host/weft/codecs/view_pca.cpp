@@ -1,0 +1,279 @@
+#include "weft/codecs/view_pca.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "weft/btf/view_source.hpp"
+#include "weft/codecs/scan_source.hpp"
+#include "weft/codecs/svd_options.hpp"
+#include "weft/codecs/truncated_svd.hpp"
+#include "weft/error.hpp"
+#include "weft/model/view_pca.hpp"
+#include "weft/ops/decode_pca.hpp"
+#include "weft/ops/gemm.hpp"
+#include "weft/reference/view_pca.hpp"
+
+namespace weft {
+namespace {
+
+const ViewPcaModel& as_view_pca(const Model& model) {
+  return dynamic_cast<const ViewPcaModel&>(model);
+}
+
+// A view's factors on the device, as decode_pca takes them.
+struct ViewFactors {
+  std::size_t rank = 0;
+  Buffer mean;  // [L C]
+  Buffer A;     // panels of the texels
+  Buffer B;     // [L C][k]
+};
+
+class ViewPcaDeviceDecoder final : public DeviceDecoder {
+ public:
+  ViewPcaDeviceDecoder(Device& device, const ViewPcaModel& model)
+      : device_(device), shape_(model.info.btf.shape) {
+    const std::size_t texels = shape_.texels();
+    const std::size_t light_channels = shape_.lights * shape_.channels;
+    const std::vector<std::size_t> offsets = model.offsets();
+    const std::span<const float> images(model.images);
+    const std::span<const float> means(model.mean);
+    for (std::size_t v = 0; v < shape_.views; ++v) {
+      const std::size_t k = offsets[v + 1] - offsets[v];
+      ViewFactors view{k, Buffer(device, light_channels * sizeof(float), "mean of a view"),
+                       Buffer(device, ops::packed_elements(device, k, texels) * sizeof(float),
+                              "components of a view"),
+                       Buffer(device, k * light_channels * sizeof(float), "weights of a view")};
+      device.write(view.mean, means.subspan(v * light_channels, light_channels));
+      if (k > 0) {
+        Buffer rows(device, k * texels * sizeof(float), "components of a view");
+        device.write(rows, images.subspan(offsets[v] * texels, k * texels));
+        ops::pack_panels(device, ops::row_major(device, rows, texels), k, texels, view.A);
+        std::vector<float> transposed(k * light_channels);
+        for (std::size_t j = 0; j < k; ++j) {
+          for (std::size_t r = 0; r < light_channels; ++r) {
+            transposed[r * k + j] = model.basis[(offsets[v] + j) * light_channels + r];
+          }
+        }
+        device.write(view.B, std::span<const float>(transposed));
+        device.finish();
+      }
+      views_.push_back(std::move(view));
+    }
+    mean_rank_ = static_cast<double>(offsets.back()) / static_cast<double>(shape_.views);
+  }
+
+  void decode(std::size_t first, std::size_t count, Buffer& out) override {
+    for (std::size_t image = first; image < first + count;) {
+      const std::size_t light = image % shape_.lights;
+      const std::size_t run = std::min(shape_.lights - light, first + count - image);
+      const ViewFactors& view = views_[image / shape_.lights];
+      ops::decode_pca(device_,
+                      {light, run, shape_.texels(), shape_.channels, view.rank, image - first},
+                      view.A, view.B, view.mean, out);
+      image += run;
+    }
+  }
+
+  double image_flops() const override {
+    return 2.0 * static_cast<double>(shape_.image_values()) * mean_rank_;
+  }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+  std::vector<ViewFactors> views_;
+  double mean_rank_ = 0;
+};
+
+class ViewPcaReferenceDecoder final : public ReferenceDecoder {
+ public:
+  explicit ViewPcaReferenceDecoder(const ViewPcaModel& model) : model_(model) {}
+  void decode(std::size_t first, std::size_t count, std::span<double> out) override {
+    reference::decode_view_pca(model_, first, count, out);
+  }
+
+ private:
+  const ViewPcaModel& model_;
+};
+
+constexpr std::size_t default_rank = 8;
+
+class ViewPcaCodec final : public Codec {
+ public:
+  std::string_view name() const override { return "view-pca"; }
+  std::string_view summary() const override {
+    return "principal components of the images of each view, mean removed";
+  }
+  std::span<const ParameterSpec> parameters() const override {
+    static const std::array<ParameterSpec, svd_parameters.size()> specs = [] {
+      auto list = svd_parameters;
+      list[0] = {"rank", "8", "number of components k per view; with a goal, the most"};
+      return list;
+    }();
+    return specs;
+  }
+
+  std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
+                                Storage storage, Job& job) const override {
+    const SvdOptions options = view_options(parameters);
+    const BtfShape& shape = source.info().shape;
+    const std::size_t light_channels = shape.lights * shape.channels;
+    const std::size_t most = std::min(options.rank > 0 ? options.rank : light_channels,
+                                      std::min(shape.texels(), light_channels));
+    // All views have one shape, and so one plan.
+    ViewSource first_view(source, 0);
+    MemoryPlan plan = plan_truncated_svd(device, first_view, options);
+    plan.add("model", shape.views * (most * (shape.texels() + light_channels) + light_channels) *
+                          sizeof(float));
+    job.plan(plan);
+
+    // NaN is looked for in the whole, where it has its own view's number.
+    scan_source(device, source, job);
+
+    auto model = std::make_unique<ViewPcaModel>();
+    std::vector<std::uint32_t> ranks;
+    std::size_t passes = 0;
+    std::string reason;
+    Job view_job = job;  // one plan and one progress: those of the whole
+    view_job.progress = {};
+    view_job.on_plan = {};
+    for (std::size_t v = 0; v < shape.views; ++v) {
+      ViewSource view(source, v);
+      const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
+      append(*model, svd, shape.texels());
+      ranks.push_back(static_cast<std::uint32_t>(svd.rank));
+      passes = std::max(passes, svd.passes);
+      if (v == 0) reason = fmt::format("{}: {}", name_of(svd.method), svd.reason);
+      job.advance("views", v + 1, shape.views);
+    }
+    job.stages = std::move(view_job.stages);
+    job.notes.push_back(
+        fmt::format("a truncated SVD per view, {}; at most {} passes over a view", reason, passes));
+    finish(*model, ranks, source.info(), options.rank, storage, job);
+    return model;
+  }
+
+  std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                          Storage storage, Job& job) const override {
+    const SvdOptions options = view_options(parameters);
+    if (options.has_goal()) fail_input("the reference encoder takes --rank only, no other goal");
+    auto model = reference::encode_view_pca(source, options.rank, job);
+    std::vector<std::uint32_t> ranks;
+    for (std::size_t v = 0; v < model->ranks.size(); ++v) {
+      ranks.push_back(static_cast<std::uint32_t>(model->ranks[v]));
+    }
+    finish(*model, ranks, source.info(), options.rank, storage, job);
+    return model;
+  }
+
+  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+    return as_view_pca(model).select(selection);
+  }
+
+  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+    return std::make_unique<ViewPcaDeviceDecoder>(device, as_view_pca(model));
+  }
+
+  // The components in panels, padded by less than one, and one view's beside them while it is
+  // packed.
+  std::size_t decoder_bytes(const Model& model) const override {
+    const ViewPcaModel& pca = as_view_pca(model);
+    constexpr std::size_t widest_panel = 48;
+    const std::size_t components = pca.offsets().back();
+    std::size_t largest = 0;
+    for (std::size_t v = 0; v < pca.ranks.size(); ++v) largest = std::max(largest, pca.ranks[v]);
+    return (pca.mean.size() + pca.basis.size() + pca.images.size() + components * widest_panel +
+            largest * model.info.btf.shape.texels()) *
+           sizeof(float);
+  }
+
+  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+    return std::make_unique<ViewPcaReferenceDecoder>(as_view_pca(model));
+  }
+
+  // As for `pca`, view by view: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).
+  double decode_tolerance(const Model& model) const override {
+    const ViewPcaModel& pca = as_view_pca(model);
+    const BtfShape& shape = model.info.btf.shape;
+    const std::size_t light_channels = shape.lights * shape.channels;
+    const std::vector<std::size_t> offsets = pca.offsets();
+    // The largest norm over a view's components, of texels or of rows.
+    const auto largest_norm = [&](const std::vector<float>& factor, std::size_t width,
+                                  std::size_t v) {
+      double largest = 0;
+      for (std::size_t i = 0; i < width; ++i) {
+        double square = 0;
+        for (std::size_t j = offsets[v]; j < offsets[v + 1]; ++j) {
+          square += std::pow(double{factor[j * width + i]}, 2);
+        }
+        largest = std::max(largest, square);
+      }
+      return std::sqrt(largest);
+    };
+    double bound = 0;
+    for (std::size_t v = 0; v < shape.views; ++v) {
+      double mean = 0;
+      for (std::size_t r = 0; r < light_channels; ++r) {
+        mean = std::max(mean, std::abs(double{pca.mean[v * light_channels + r]}));
+      }
+      const double terms = static_cast<double>(offsets[v + 1] - offsets[v] + 1);
+      const double size = mean + largest_norm(pca.images, shape.texels(), v) *
+                                     largest_norm(pca.basis, light_channels, v);
+      // Each operation on subnormal values may round by half a step of 2^-149 beside.
+      bound = std::max(bound, terms * 0x1p-24 / (1 - terms * 0x1p-24) * size + terms * 0x1p-149);
+    }
+    return bound;
+  }
+
+  std::unique_ptr<Model> read(const ModelFile& file) const override {
+    return ViewPcaModel::read(file);
+  }
+
+ private:
+  SvdOptions view_options(Parameters parameters) const {
+    const bool has_goal = parameters.contains("tolerance") || parameters.contains("energy");
+    if (!has_goal && !parameters.contains("rank")) {
+      parameters["rank"] = std::to_string(default_rank);
+    }
+    return svd_options(*this, parameters);
+  }
+
+  // A view's factors behind those of the views before it.
+  static void append(ViewPcaModel& model, const TruncatedSvd& svd, std::size_t texels) {
+    model.mean.insert(model.mean.end(), svd.mean.begin(), svd.mean.end());
+    for (std::size_t j = 0; j < svd.rank; ++j) {
+      for (std::size_t p = 0; p < texels; ++p) model.images.push_back(svd.left[p * svd.rank + j]);
+      for (std::size_t r = 0; r < svd.mean.size(); ++r) {
+        model.basis.push_back(svd.right[r * svd.rank + j]);
+      }
+    }
+  }
+
+  void finish(ViewPcaModel& model, const std::vector<std::uint32_t>& ranks, const BtfInfo& info,
+              std::size_t rank, Storage storage, Job& job) const {
+    const auto [least, most] = std::minmax_element(ranks.begin(), ranks.end());
+    model.ranks = IndexTensor(ranks, *most + std::size_t{1});
+    if (rank > 0 && *least < rank) {
+      job.notes.push_back(fmt::format(
+          "rank {} asked, {} to {} kept per view: the data holds no more", rank, *least, *most));
+    }
+    model.info.codec = name();
+    model.info.parameters = fmt::format(R"({{"rank":{},"kept":[{},{}]}})", rank, *least, *most);
+    model.info.storage = storage;
+    model.info.btf = info;
+    model.round_to_storage();
+  }
+};
+
+}  // namespace
+
+const Codec& view_pca_codec() {
+  static const ViewPcaCodec codec;
+  return codec;
+}
+
+}  // namespace weft

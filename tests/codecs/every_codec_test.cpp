@@ -1,0 +1,251 @@
+// What holds for every codec of the table, on the device and by the reference: models that survive
+// their file, decoding in any runs, selections and single texels alike, extremes of shape and
+// magnitude, values that are refused, bits that do not depend on memory.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "codecs/codec_runs.hpp"
+#include "support/expect_error.hpp"
+#include "support/generators.hpp"
+#include "support/matchers.hpp"
+#include "support/memory_btf.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace weft::test {
+namespace {
+
+class EveryCodec : public testing::TestWithParam<CodecRun> {
+ protected:
+  const CodecRun& run() const { return GetParam(); }
+};
+
+std::vector<CodecRun> all_runs() {
+  std::vector<CodecRun> runs;
+  for (const Codec* codec : codecs()) {
+    for (const bool on_device : {true, false}) {
+      runs.push_back({std::string(codec->name()), on_device});
+    }
+  }
+  return runs;
+}
+
+INSTANTIATE_TEST_SUITE_P(Table, EveryCodec, testing::ValuesIn(all_runs()), [](const auto& info) {
+  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
+
+// The bytes of all tensors of a model.
+std::vector<std::byte> tensor_bytes(const Model& model) {
+  std::vector<std::byte> bytes;
+  for (const ModelTensor& tensor : model.tensors()) {
+    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
+  }
+  return bytes;
+}
+
+Parameters rank(std::size_t k) {
+  return {{"rank", std::to_string(k)}};
+}
+
+TEST_P(EveryCodec, ModelsSurviveTheirFile) {
+  const TemporaryFolder folder;
+  const auto source = random_source({3, 4, 6, 7, 3}, DType::f16, 5);
+  for (const Storage storage : {Storage::f16, Storage::f32}) {
+    const auto model = run().encode(*source, rank(3), storage);
+    write_model(folder / "m.weft", *model);
+    const auto found = read_model(folder / "m.weft");
+    EXPECT_EQ(found->info.codec, run().codec);
+    EXPECT_EQ(tensor_bytes(*found), tensor_bytes(*model));
+    EXPECT_TRUE(all_equal(run().decode(*found, 5), run().decode(*model, 5)));
+  }
+}
+
+TEST_P(EveryCodec, HalfStorageChangesLittle) {
+  const auto source = random_source({3, 4, 9, 10, 3}, DType::f16, 5);
+  const double full =
+      relative(run().measure(*run().encode(*source, rank(3), Storage::f32), *source));
+  const double half =
+      relative(run().measure(*run().encode(*source, rank(3), Storage::f16), *source));
+  // Factors and mean are each rounded by 2^-11 of themselves; sqrt(k) components add up.
+  EXPECT_NEAR(half, full, 0x1p-11 * (std::sqrt(3.0) + 2) * 2);
+  EXPECT_NE(half, full);
+}
+
+TEST_P(EveryCodec, RunsOfAnyLengthDecodeAlike) {
+  const BtfShape shape{3, 5, 7, 9, 3};
+  const auto source = random_source(shape, DType::f16, 5);
+  const auto model = run().encode(*source, rank(5), Storage::f16);
+  const std::vector<double> whole = run().decode(*model, shape.images());
+  for (const std::size_t images : Sizes{1, 2, 4, 14}) {
+    EXPECT_TRUE(all_equal(run().decode(*model, images), whole)) << "runs of " << images;
+  }
+}
+
+TEST_P(EveryCodec, SelectionsAreParts) {
+  const BtfShape shape{4, 5, 7, 9, 3};
+  const auto source = random_source(shape, DType::f16, 5);
+  const auto model = run().encode(*source, rank(6), Storage::f16);
+  const std::vector<double> whole = run().decode(*model, shape.images());
+  Selection selection;
+  selection.views = {{3, 0}};
+  selection.lights = {{1, 4, 2}};
+  selection.region = Region{2, 1, 5, 6};
+  selection.channels = {{2, 0}};
+  const auto part = run().get().select(*model, selection);
+  ASSERT_EQ(part->info.btf.shape, (BtfShape{2, 3, 6, 5, 2}));
+  std::vector<double> expected;
+  for (const std::size_t v : *selection.views) {
+    for (const std::size_t l : *selection.lights) {
+      for (std::size_t y = 1; y < 7; ++y) {
+        for (std::size_t x = 2; x < 7; ++x) {
+          for (const std::size_t c : *selection.channels) {
+            expected.push_back(
+                whole[(((v * shape.lights + l) * shape.height + y) * shape.width + x) * 3 + c]);
+          }
+        }
+      }
+    }
+  }
+  // The same products; a device may fuse them otherwise in the last texels of a row of panels.
+  const double tolerance = run().get().decode_tolerance(*model);
+  EXPECT_TRUE(all_near(run().decode(*part, 6), expected, tolerance));
+  // and a part has a file of its own
+  const TemporaryFolder folder;
+  write_model(folder / "part.weft", *part);
+  EXPECT_TRUE(all_near(run().decode(*read_model(folder / "part.weft"), 4), expected, tolerance));
+}
+
+TEST_P(EveryCodec, OneTexelIsThatOfTheImage) {
+  const BtfShape shape{3, 4, 5, 6, 3};
+  const auto source = random_source(shape, DType::f16, 5);
+  const auto model = run().encode(*source, rank(5), Storage::f16);
+  const std::vector<double> whole = run().decode(*model, shape.images());
+  const double tolerance = run().get().decode_tolerance(*model);
+  std::vector<double> texel(3);
+  for (std::size_t i = 0; i < shape.values(); i += 3) {
+    const std::size_t p = i / 3 % shape.texels();
+    const std::size_t image = i / shape.image_values();
+    model->decode_texel(image / shape.lights, image % shape.lights, p / shape.width,
+                        p % shape.width, texel);
+    ASSERT_TRUE(all_near(texel, std::span(whole).subspan(i, 3), tolerance));
+  }
+}
+
+// A model of either encoder is decoded by both, within the bound that `weft verify` uses.
+TEST_P(EveryCodec, DeviceAndReferenceDecodeAlike) {
+  for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
+    const auto source = random_source({4, 4, 17, 13, 3}, dtype, 9);
+    const auto model = run().encode(*source, rank(7), Storage::f16);
+    const CodecRun device{run().codec, true};
+    const CodecRun reference{run().codec, false};
+    EXPECT_TRUE(all_near(device.decode(*model, 7), reference.decode(*model, 7),
+                         run().get().decode_tolerance(*model)));
+    const double error = relative(reference.measure(*model, *source));
+    EXPECT_NEAR(relative(device.measure(*model, *source)), error, 1e-5 * error);
+  }
+}
+
+TEST_P(EveryCodec, ExtremesOfShape) {
+  const BtfShape shapes[] = {{1, 1, 1, 1, 1},  {1, 1, 1, 1, 3}, {1, 1, 8, 8, 3}, {1, 12, 6, 5, 3},
+                             {9, 1, 6, 5, 3},  {3, 3, 1, 1, 3}, {3, 3, 6, 5, 1}, {2, 2, 5, 5, 7},
+                             {2, 3, 1, 40, 4}, {3, 2, 40, 1, 2}};
+  for (const BtfShape& shape : shapes) {
+    for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
+      SCOPED_TRACE(testing::PrintToString(shape.values()) + " values of " +
+                   std::string(name_of(dtype)));
+      // full rank and beyond: exact but for rounding
+      const auto random = random_source(shape, dtype, 4, 0.25, 1.0);
+      EXPECT_LE(relative(run().measure(*run().encode(*random, rank(1000), Storage::f32), *random)),
+                1e-5);
+      // all zero, and constant
+      for (const double constant : {0.0, 0.5}) {
+        const auto flat = source_of(shape, dtype, std::vector<double>(shape.values(), constant));
+        // 8-bit values are not floats: the mean is rounded.
+        EXPECT_LE(run().measure(*run().encode(*flat, rank(4), Storage::f32), *flat).max_difference,
+                  constant * 0x1p-24);
+      }
+    }
+  }
+}
+
+// Data that its codec holds exactly comes back whatever its magnitude.
+TEST_P(EveryCodec, MagnitudesFrom1eMinus30To1e30) {
+  const BtfShape shape{3, 4, 9, 10, 3};
+  for (const double magnitude : {1e-42, 1e-38, 1e-30, 1e-10, 1e10, 1e30}) {
+    std::vector<double> values = random_values(shape.values(), 6, -1, 1);
+    for (double& value : values) value *= magnitude;
+    const auto source = source_of(shape, DType::f32, values);
+    const ErrorSums sums = run().measure(*run().encode(*source, rank(90), Storage::f32), *source);
+    // Three factors are rounded, and sums of up to 90 products; what is left of subnormal data has
+    // absolute steps of 2^-149.
+    const double steps = 0x1p-149 * std::sqrt(static_cast<double>(sums.count)) * 90;
+    EXPECT_LE(std::sqrt(sums.square_difference),
+              4 * 93 * 0x1p-24 * std::sqrt(sums.square_reference) + steps)
+        << magnitude;
+  }
+}
+
+TEST_P(EveryCodec, RefusesNaNAndNamesTheFirst) {
+  const BtfShape shape{2, 3, 4, 5, 3};
+  std::vector<double> values = random_values(shape.values(), 3);
+  // view 1, light 0, row 2, column 3, channel 1; and a later one
+  values[(((1 * 3 + 0) * 4 + 2) * 5 + 3) * 3 + 1] = std::numeric_limits<double>::quiet_NaN();
+  values[values.size() - 1] = std::numeric_limits<double>::infinity();
+  for (const DType dtype : {DType::f16, DType::f32}) {
+    const auto source = source_of(shape, dtype, values);
+    expect_error(ErrorKind::input, {"view 1, light 0, row 2, column 3, channel 1"},
+                 [&] { run().encode(*source, rank(2), Storage::f16); });
+    Job job;
+    job.nan_zero = true;
+    const auto model = run().encode(*source, rank(60), Storage::f32, job);
+    EXPECT_LE(relative(run().measure(*model, *source, true)), 1e-5);
+  }
+}
+
+// The same bits whatever the memory limit, and whether the input is mapped or read.
+TEST_P(EveryCodec, SameBitsWhateverTheMemory) {
+  const BtfShape shape{6, 7, 12, 11, 3};
+  const auto bytes = encode_values(random_values(shape.values(), 8), DType::f16);
+  MemorySource mapped(make_info(shape, DType::f16), bytes, true);
+  MemorySource read(make_info(shape, DType::f16), bytes, false);
+  Job small;
+  small.memory = std::size_t{64} << 20;
+  EXPECT_EQ(tensor_bytes(*run().encode(mapped, rank(5), Storage::f16)),
+            tensor_bytes(*run().encode(read, rank(5), Storage::f16, small)));
+}
+
+TEST_P(EveryCodec, RefusesWhatDoesNotFit) {
+  const auto source = random_source({3, 4, 9, 10, 3}, DType::f16, 4);
+  Job job;
+  job.memory = 1000;
+  expect_error(ErrorKind::input, {"--memory 1000"},
+               [&] { run().encode(*source, rank(4), Storage::f16, job); });
+  EXPECT_EQ(source->images_read(), 0U);
+}
+
+TEST_P(EveryCodec, ParametersAreChecked) {
+  const auto source = random_source({1, 2, 3, 4, 3}, DType::f16, 4);
+  for (const char* text : {"0", "-1", "x", "", "3.5", "99999999999999999999999"}) {
+    expect_error(ErrorKind::input, {"--rank", text}, [&] {
+      run().encode(*source, {{"rank", text}}, Storage::f16);
+    });
+  }
+}
+
+TEST_P(EveryCodec, PairedDirections) {
+  BtfInfo info = make_info({6, 1, 5, 8, 3}, DType::f16);
+  info.layout = Layout::paired;
+  info.light_directions = info.view_directions;
+  const auto bytes = encode_values(random_values(info.shape.values(), 8), DType::f16);
+  MemorySource source(info, bytes);
+  const auto model = run().encode(source, rank(100), Storage::f32);
+  EXPECT_LE(relative(run().measure(*model, source)), 1e-5);
+  Selection selection;
+  selection.views = {{4, 1}};
+  EXPECT_EQ(run().get().select(*model, selection)->info.btf.shape, (BtfShape{2, 1, 5, 8, 3}));
+}
+
+}  // namespace
+}  // namespace weft::test
