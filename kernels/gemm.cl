@@ -25,6 +25,7 @@
 // A_TRANSPOSED  1 if a_row is 1: the four values that a micro-tile takes of a column are neighbours
 // PACK_ROWS  rows that one work-item of pack_panels packs
 #include "vector_width.cl"
+#include "micro_tile.cl"
 
 #ifndef MC
 #define MC 96
@@ -42,15 +43,15 @@
 // Packs a K x N matrix whose element (k, j) is B[b_offset + k b_row + j b_column].
 // Work-item (panel, block of PACK_ROWS rows).
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void pack_panels(__global const float* restrict B, ulong b_offset, ulong b_row,
-                          ulong b_column, ulong K, ulong N, __global float* restrict PB) {
+__kernel void pack_panels(__global const real* restrict B, ulong b_offset, ulong b_row,
+                          ulong b_column, ulong K, ulong N, __global real* restrict PB) {
   const ulong panel = get_global_id(0);
   const ulong k_begin = get_global_id(1) * PACK_ROWS;
   const ulong k_end = min(k_begin + PACK_ROWS, K);
   const ulong j_begin = panel * NR;
   const ulong columns = min((ulong)NR, N - j_begin);
-  __global const float* b = B + b_offset + j_begin * b_column;
-  __global float* out = PB + panel * K * NR;
+  __global const real* b = B + b_offset + j_begin * b_column;
+  __global real* out = PB + panel * K * NR;
   // A whole panel of a row-major matrix: copy vectors.
   if (b_column == 1 && columns == NR) {
     for (ulong k = k_begin; k < k_end; ++k) {
@@ -64,54 +65,15 @@ __kernel void pack_panels(__global const float* restrict B, ulong b_offset, ulon
   }
 }
 
-#define FOR_ROWS(X) X(0) X(1) X(2) X(3)
-
-#define DECLARE(r) floatv x##r = 0, y##r = 0, z##r = 0;
-
-#define MULTIPLY(r, value)     \
-  {                            \
-    const floatv t = value;    \
-    x##r = fma(t, b0, x##r);   \
-    y##r = fma(t, b1, y##r);   \
-    z##r = fma(t, b2, z##r);   \
-  }
 #define MULTIPLY_ROW(r) MULTIPLY(r, a##r[k])
 #define MULTIPLY_COLUMN(r) MULTIPLY(r, a0[r])
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
 
-// A full row of a micro-tile.
-#define STORE(r)                                                           \
-  if (r < rows) {                                                          \
-    __global float* c = c_tile + r * c_row;                                \
-    if (block_beta == 0.0f) {                                              \
-      storev(alpha * x##r, c);                                             \
-      storev(alpha * y##r, c + VW);                                        \
-      storev(alpha * z##r, c + 2 * VW);                                    \
-    } else {                                                               \
-      storev(alpha * x##r + block_beta * loadv(c), c);                     \
-      storev(alpha * y##r + block_beta * loadv(c + VW), c + VW);           \
-      storev(alpha * z##r + block_beta * loadv(c + 2 * VW), c + 2 * VW);   \
-    }                                                                      \
-  }
-
-// The same for the last columns of C, through a private row.
-#define STORE_EDGE(r)                                                                    \
-  if (r < rows) {                                                                        \
-    __global float* c = c_tile + r * c_row;                                              \
-    float row[NR];                                                                       \
-    storev(x##r, row);                                                                   \
-    storev(y##r, row + VW);                                                              \
-    storev(z##r, row + 2 * VW);                                                          \
-    for (uint j = 0; j < columns; ++j) {                                                 \
-      c[j] = block_beta == 0.0f ? alpha * row[j] : alpha * row[j] + block_beta * c[j];   \
-    }                                                                                    \
-  }
-
 // Work-item (macro-tile of columns, macro-tile of rows); tile_columns is a multiple of NR.
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, float alpha, __global const float* restrict A,
+__kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __global const real* restrict A,
                    ulong a_offset, ulong a_row, ulong a_column, ulong a_panel,
-                   __global const float* restrict PB, float beta, __global float* restrict C,
+                   __global const real* restrict PB, real beta, __global real* restrict C,
                    ulong c_offset, ulong c_row, ulong c_panel) {
   const ulong j_begin = get_global_id(0) * tile_columns;
   const ulong i_begin = get_global_id(1) * MC;
@@ -119,42 +81,42 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, float alpha, _
   const ulong i_end = min(i_begin + MC, M);
   for (ulong k_begin = 0; k_begin < K; k_begin += KC) {
     const ulong k_end = min(k_begin + KC, K);
-    const float block_beta = k_begin == 0 ? beta : 1.0f;
+    const real block_beta = k_begin == 0 ? beta : 1.0f;
     for (ulong j = j_begin; j < j_end; j += NR) {
       const uint columns = (uint)min((ulong)NR, N - j);
       for (ulong i = i_begin; i < i_end; i += 4) {
         const uint rows = (uint)min((ulong)4, M - i);
         FOR_ROWS(DECLARE)
-        __global const float* b = PB + (j / NR) * K * NR + k_begin * NR;
+        __global const real* b = PB + (j / NR) * K * NR + k_begin * NR;
         for (ulong panel = k_begin; panel < k_end; panel += NR) {
           const uint depth = (uint)min((ulong)NR, k_end - panel);
-          __global const float* a0 = A + a_offset + i * a_row + (panel / NR) * a_panel;
+          __global const real* a0 = A + a_offset + i * a_row + (panel / NR) * a_panel;
 #if A_TRANSPOSED
           if (rows < 4) {
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const floatv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_EDGE)
             }
           } else {
 #pragma unroll 4
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const floatv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_COLUMN)
             }
           }
 #else
           // Rows past the last repeat it: computed, but not stored.
-          __global const float* a1 = a0 + (rows > 1 ? a_row : 0);
-          __global const float* a2 = a1 + (rows > 2 ? a_row : 0);
-          __global const float* a3 = a2 + (rows > 3 ? a_row : 0);
+          __global const real* a1 = a0 + (rows > 1 ? a_row : 0);
+          __global const real* a2 = a1 + (rows > 2 ? a_row : 0);
+          __global const real* a3 = a2 + (rows > 3 ? a_row : 0);
 #pragma unroll 4
           for (uint k = 0; k < depth; ++k, b += NR) {
-            const floatv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+            const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
             FOR_ROWS(MULTIPLY_ROW)
           }
 #endif
         }
-        __global float* c_tile = C + c_offset + i * c_row + (j / NR) * c_panel;
+        __global real* c_tile = C + c_offset + i * c_row + (j / NR) * c_panel;
         if (columns == NR) {
           FOR_ROWS(STORE)
         } else {

@@ -100,6 +100,86 @@ TEST(ConvertTile, StraddlesVectorsPanelsAndBlocks) {
   }
 }
 
+// The other forms: double, and transposed in both arithmetics.
+template <typename Real>
+void expect_forms(const Tile& tile, float scale) {
+  SCOPED_TRACE(testing::Message() << tile << ", " << 8 * sizeof(Real) << " bits");
+  Device& device = shared_device();
+  constexpr Arithmetic arithmetic = sizeof(Real) == 4 ? Arithmetic::f32 : Arithmetic::f64;
+  const ops::TileShape& shape = tile.shape;
+  const std::size_t width = ops::panel_width(device, arithmetic);
+  const std::vector<float> row_means = random_floats(shape.rows(), 8, -1.0, 1.0);
+  std::vector<float> means(3, unused);
+  means.insert(means.end(), row_means.begin(), row_means.end());
+  GuardedBuffer raw = guarded_raw(tile);
+  GuardedBuffer mean(device, std::span<const float>(means), "mean");
+  std::vector<double> values = tile.values;
+  for (double& value : values) {
+    if (shape.nan_zero && !std::isfinite(value)) value = 0;
+  }
+  const std::vector<double> rows = reference::convert_tile(
+      shape.images, shape.texels, shape.channels, values, widened(row_means), double{scale});
+  const double u = sizeof(Real) == 4 ? float_roundoff : double_roundoff;
+  // as in expect_convert()
+  const auto tolerance = [&](std::size_t i) {
+    const double value = std::abs(rows[i]) + double{scale} * std::abs(row_means[i / shape.texels]);
+    return u * (std::abs(rows[i]) + (shape.dtype == DType::u8 ? 4 * value : 0.0)) + 0x1p-149;
+  };
+
+  GuardedBuffer panels(device, ops::panel_elements(device, shape, arithmetic) * sizeof(Real),
+                       "panels");
+  double squares = 0;
+  ops::convert_tile(device, shape, raw.buffer(), mean.buffer(), 3, scale, panels.buffer(), &squares,
+                    arithmetic);
+  const std::vector<Real> straight = panels.values<Real>();
+  const std::vector<Real> actual = from_panels(straight, shape.rows(), shape.texels, width);
+  EXPECT_TRUE(all_near(actual, rows, tolerance));
+  EXPECT_TRUE(same_bits(straight, panels_of(actual, shape.rows(), shape.texels, width, Real{0})));
+  EXPECT_TRUE(panels.intact());
+  double expected = 0;
+  for (const Real value : actual) expected += double{value} * double{value};
+  const double terms = 56.0 * static_cast<double>(shape.channels) + 8;
+  EXPECT_NEAR(
+      squares, expected,
+      (gamma(terms, u) + gamma(static_cast<double>(actual.size()), double_roundoff)) * expected);
+
+  // the same values transposed, to the bit
+  GuardedBuffer turned(
+      device, ops::transposed_panel_elements(device, shape, arithmetic) * sizeof(Real), "panels");
+  ops::convert_tile_transposed(device, shape, raw.buffer(), mean.buffer(), 3, scale,
+                               turned.buffer(), arithmetic);
+  EXPECT_TRUE(
+      same_bits(turned.values<Real>(), panels_of(transpose(actual, shape.rows(), shape.texels),
+                                                 shape.texels, shape.rows(), width, Real{0})));
+  EXPECT_TRUE(turned.intact());
+  EXPECT_TRUE(mean.intact());
+}
+
+TEST(ConvertTile, SmallInOtherForms) {
+  for (const DType dtype : raw_types) {
+    for (const std::size_t channels : Sizes{1, 2, 3}) {
+      Tile tile = random_tile(5, 29, channels, dtype, 9);
+      tile.shape.nan_zero = channels == 2;
+      expect_forms<float>(tile, 0.25f);
+      expect_forms<double>(tile, 0.25f);
+    }
+  }
+}
+
+TEST(ConvertTile, OtherFormsStraddleVectorsPanelsAndBlocks) {
+  for (const DType dtype : raw_types) {
+    for (const std::size_t channels : Sizes{1, 3, 4, 7, 31}) {
+      for (const std::size_t texels : Sizes{1, 7, 8, 9, 12, 13, 25, 191, 192, 193, 511, 512, 513}) {
+        for (const std::size_t images : Sizes{1, 3, 8, 9, 17}) {
+          const Tile tile = random_tile(images, texels, channels, dtype, 10);
+          expect_forms<float>(tile, 1.0f);
+          expect_forms<double>(tile, 1.0f);
+        }
+      }
+    }
+  }
+}
+
 TEST(ConvertTile, WhatIsItsMeanIsZero) {
   // 0.3 as float and as half is not 0.3: the mean is that of the stored value
   for (const DType dtype : {DType::f16, DType::f32}) {

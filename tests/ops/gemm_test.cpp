@@ -30,8 +30,8 @@ struct Case {
   Layout a = Layout::row_major;
   Layout b = Layout::row_major;
   bool c_in_panels = false;
-  float alpha = 1.0f;
-  float beta = 0.0f;
+  double alpha = 1.0;
+  double beta = 0.0;
 };
 
 std::ostream& operator<<(std::ostream& out, const Case& c) {
@@ -42,22 +42,27 @@ std::ostream& operator<<(std::ostream& out, const Case& c) {
              << c.beta;
 }
 
+template <typename Real>
+constexpr Arithmetic arithmetic_of = sizeof(Real) == sizeof(float) ? Arithmetic::f32
+                                                                   : Arithmetic::f64;
+
 // A matrix as an operand in guarded memory, with unused room wherever the layout allows it.
+template <typename Real>
 class GuardedOperand {
  public:
-  GuardedOperand(Device& device, std::span<const float> matrix, std::size_t rows,
+  GuardedOperand(Device& device, const std::vector<Real>& matrix, std::size_t rows,
                  std::size_t columns, Layout layout)
-      : buffer_(device, std::span<const float>(stored(device, matrix, rows, columns, layout)),
+      : buffer_(device, std::span<const Real>(stored(device, matrix, rows, columns, layout)),
                 "operand") {
     switch (layout) {
       case Layout::row_major:
-        operand = ops::row_major(device, buffer_.buffer(), columns + 3, 5);
+        operand = ops::row_major(device, buffer_.buffer(), columns + 3, 5, arithmetic_of<Real>);
         break;
       case Layout::transposed:
-        operand = ops::transposed(device, buffer_.buffer(), rows + 3, 5);
+        operand = ops::transposed(device, buffer_.buffer(), rows + 3, 5, arithmetic_of<Real>);
         break;
       case Layout::panelled:
-        operand = ops::panelled(device, buffer_.buffer(), rows);
+        operand = ops::panelled(device, buffer_.buffer(), rows, arithmetic_of<Real>);
     }
   }
   bool intact() { return static_cast<bool>(buffer_.intact()); }
@@ -65,55 +70,61 @@ class GuardedOperand {
   ops::Operand operand;
 
  private:
-  static std::vector<float> stored(Device& device, std::span<const float> matrix, std::size_t rows,
-                                   std::size_t columns, Layout layout) {
+  static std::vector<Real> stored(Device& device, const std::vector<Real>& matrix, std::size_t rows,
+                                  std::size_t columns, Layout layout) {
     if (layout == Layout::row_major) return with_leading(matrix, rows, columns, columns + 3, 5);
     if (layout == Layout::transposed) {
       return with_leading(transpose(matrix, rows, columns), columns, rows, rows + 3, 5);
     }
-    return panels_of(matrix, rows, columns, ops::panel_width(device), unused);
+    return panels_of(matrix, rows, columns, ops::panel_width(device, arithmetic_of<Real>),
+                     Real{unused});
   }
 
   GuardedBuffer buffer_;
 };
 
+template <typename Real>
 struct Product {
-  std::vector<float> C;       // M x N
-  std::vector<float> stored;  // as it lies in the buffer
+  std::vector<Real> C;       // M x N
+  std::vector<Real> stored;  // as it lies in the buffer
 };
 
 constexpr float untouched = -12345.0f;
 
-Product multiply(const Case& c, std::span<const float> A, std::span<const float> B,
-                 std::span<const float> C) {
+template <typename Real>
+Product<Real> multiply(const Case& c, const std::vector<Real>& A, const std::vector<Real>& B,
+                       const std::vector<Real>& C) {
   Device& device = shared_device();
-  const std::size_t width = ops::panel_width(device);
-  GuardedOperand a(device, A, c.M, c.K, c.a);
-  GuardedOperand b(device, B, c.K, c.N, c.b);
-  GuardedBuffer packed(device, ops::packed_elements(device, c.K, c.N) * sizeof(float), "packed B");
+  const std::size_t width = ops::panel_width(device, arithmetic_of<Real>);
+  GuardedOperand<Real> a(device, A, c.M, c.K, c.a);
+  GuardedOperand<Real> b(device, B, c.K, c.N, c.b);
+  GuardedBuffer packed(device,
+                       ops::packed_elements(device, c.K, c.N, arithmetic_of<Real>) * sizeof(Real),
+                       "packed B");
   ops::pack_panels(device, b.operand, c.K, c.N, packed.buffer());
 
   // C with room that has to stay as it is: past the rows' ends, or columns past the last panel's
   const std::size_t leading = c.N + 2;
   const std::size_t offset = 7;
-  std::vector<float> before = c.c_in_panels ? panels_of(C, c.M, c.N, width, untouched)
-                                            : with_leading(C, c.M, c.N, leading, offset);
-  for (float& value : before) {
+  std::vector<Real> before = c.c_in_panels ? panels_of(C, c.M, c.N, width, Real{untouched})
+                                           : with_leading(C, c.M, c.N, leading, offset);
+  for (Real& value : before) {
     if (c.beta != 0 && std::isnan(value)) value = untouched;
   }
-  GuardedBuffer out(device, std::span<const float>(before), "C");
+  GuardedBuffer out(device, std::span<const Real>(before), "C");
   ops::gemm_packed(device, c.M, c.N, c.K, c.alpha, a.operand, packed.buffer(), c.beta,
-                   c.c_in_panels ? ops::to_panels(device, out.buffer(), c.M)
-                                 : ops::to_row_major(device, out.buffer(), leading, offset));
+                   c.c_in_panels ? ops::to_panels(device, out.buffer(), c.M, arithmetic_of<Real>)
+                                 : ops::to_row_major(device, out.buffer(), leading, offset,
+                                                     arithmetic_of<Real>));
 
-  Product result;
-  result.stored = out.values<float>();
+  Product<Real> result;
+  result.stored = out.template values<Real>();
   EXPECT_TRUE(out.intact());
   EXPECT_TRUE(packed.intact());
   EXPECT_TRUE(a.intact());
   EXPECT_TRUE(b.intact());
   // what is not C is as before
-  std::vector<float> around = result.stored;
+  std::vector<Real> around = result.stored;
   if (c.c_in_panels) {
     result.C = from_panels(result.stored, c.M, c.N, width);
     for (std::size_t i = 0; i < c.M; ++i) {
@@ -137,16 +148,22 @@ Product multiply(const Case& c, std::span<const float> A, std::span<const float>
 }
 
 // Every product of small integers is exact, whatever the order of its sums.
+template <typename Real>
+void expect_exact_in(const Case& c) {
+  const std::vector<Real> A = values_as<Real>(widened(random_integers(c.M * c.K, 1)));
+  const std::vector<Real> B = values_as<Real>(widened(random_integers(c.K * c.N, 2)));
+  // Where beta is 0, C holds NaN: it must not be read.
+  const std::vector<Real> C = c.beta == 0 ? std::vector<Real>(c.M * c.N, Real{unused})
+                                          : values_as<Real>(widened(random_integers(c.M * c.N, 3)));
+  std::vector<double> expected(C.begin(), C.end());
+  reference::gemm(c.M, c.N, c.K, c.alpha, std::vector<double>(A.begin(), A.end()),
+                  std::vector<double>(B.begin(), B.end()), c.beta, expected);
+  EXPECT_TRUE(all_equal(multiply(c, A, B, C).C, expected));
+}
 void expect_exact(const Case& c) {
   SCOPED_TRACE(testing::Message() << c);
-  const std::vector<float> A = random_integers(c.M * c.K, 1);
-  const std::vector<float> B = random_integers(c.K * c.N, 2);
-  // Where beta is 0, C holds NaN: it must not be read.
-  const std::vector<float> C =
-      c.beta == 0 ? std::vector<float>(c.M * c.N, unused) : random_integers(c.M * c.N, 3);
-  std::vector<double> expected = widened(C);
-  reference::gemm(c.M, c.N, c.K, double{c.alpha}, widened(A), widened(B), double{c.beta}, expected);
-  EXPECT_TRUE(all_equal(multiply(c, A, B, C).C, expected));
+  expect_exact_in<float>(c);
+  expect_exact_in<double>(c);
 }
 
 TEST(Gemm, SmallInEveryLayout) {
@@ -203,17 +220,16 @@ double terms(std::size_t K) {
 TEST(Gemm, RoundingErrorIsBounded) {
   for (const std::size_t K : Sizes{1, 24, 240, 241, 2000}) {
     for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
-      const Case c{37, 50, K, a, Layout::row_major, false, -0.7f, 1.3f};
+      const Case c{37, 50, K, a, Layout::row_major, false, -0.75, 1.25};
       SCOPED_TRACE(testing::Message() << c);
       const std::vector<float> A = random_floats(c.M * K, 4, -1.0, 1.0);
       const std::vector<float> B = random_floats(K * c.N, 5, -1.0, 1.0);
       const std::vector<float> C = random_floats(c.M * c.N, 6, -1.0, 1.0);
       std::vector<double> expected = widened(C);
-      reference::gemm(c.M, c.N, K, double{c.alpha}, widened(A), widened(B), double{c.beta},
-                      expected);
+      reference::gemm(c.M, c.N, K, c.alpha, widened(A), widened(B), c.beta, expected);
       std::vector<double> size = magnitudes(C);
-      reference::gemm(c.M, c.N, K, std::abs(double{c.alpha}), magnitudes(A), magnitudes(B),
-                      std::abs(double{c.beta}), size);
+      reference::gemm(c.M, c.N, K, std::abs(c.alpha), magnitudes(A), magnitudes(B),
+                      std::abs(c.beta), size);
       EXPECT_TRUE(all_near(multiply(c, A, B, C).C, expected, [&](std::size_t i) {
         return gamma(terms(K), float_roundoff) * size[i];
       }));
@@ -227,7 +243,7 @@ TEST(Gemm, KeepsTheRangeOfFloat) {
   const std::vector<float> B{1.0f, 0x1p-130f, 0x1p7f, 1e-30f};
   for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
     const Case c{6, 4, 1, a, Layout::row_major, false, 1.0f, 0.0f};
-    const Product product = multiply(c, A, B, std::vector<float>(24, unused));
+    const Product<float> product = multiply(c, A, B, std::vector<float>(24, unused));
     for (std::size_t i = 0; i < 6; ++i) {
       for (std::size_t j = 0; j < 4; ++j) {
         EXPECT_EQ(product.C[i * 4 + j], A[i] * B[j]) << A[i] << " x " << B[j];
@@ -246,7 +262,7 @@ TEST(Gemm, NonFiniteValuesStayInTheirRowAndColumn) {
       std::vector<float> B = random_floats(c.K * c.N, 8, 0.5, 1.0);
       A[9 * c.K + 25] = bad;
       B[3 * c.N + 28] = bad;
-      const Product product = multiply(c, A, B, std::vector<float>(c.M * c.N, unused));
+      const Product<float> product = multiply(c, A, B, std::vector<float>(c.M * c.N, unused));
       for (std::size_t i = 0; i < c.M; ++i) {
         for (std::size_t j = 0; j < c.N; ++j) {
           EXPECT_EQ(std::isfinite(product.C[i * c.N + j]), i != 9 && j != 28) << i << ", " << j;
@@ -269,7 +285,7 @@ TEST(Gemm, TheSameBitsWhateverTheTiles) {
     GuardedBuffer c(device, M * N * sizeof(float), "C");
     for (std::size_t i = 0; i < M; i += rows_at_once) {
       const std::size_t rows = std::min(rows_at_once, M - i);
-      ops::gemm(device, rows, N, K, 0.7f, ops::row_major(device, a.buffer(), K, i * K),
+      ops::gemm(device, rows, N, K, 0.75, ops::row_major(device, a.buffer(), K, i * K),
                 ops::row_major(device, b.buffer(), N), 0.0f,
                 ops::to_row_major(device, c.buffer(), N, i * N));
     }
@@ -290,7 +306,7 @@ TEST(PackPanels, LayoutIsExactAndPaddedWithZero) {
       for (const Layout layout : {Layout::row_major, Layout::transposed}) {
         SCOPED_TRACE(testing::Message() << "K " << K << " N " << N);
         const std::vector<float> B = random_floats(K * N, 11, -1.0, 1.0);
-        GuardedOperand b(device, B, K, N, layout);
+        GuardedOperand<float> b(device, B, K, N, layout);
         GuardedBuffer packed(device, ops::packed_elements(device, K, N) * sizeof(float), "packed");
         ops::pack_panels(device, b.operand, K, N, packed.buffer());
         EXPECT_TRUE(same_bits(packed.values<float>(), panels_of(B, K, N, width, 0.0f)));

@@ -24,10 +24,21 @@ inline std::vector<double> widened(std::span<const float> values) {
   return {values.begin(), values.end()};
 }
 
-inline std::vector<double> magnitudes(std::span<const float> values) {
-  std::vector<double> result = widened(values);
+// Values in the arithmetic of a test, rounded to it.
+template <typename Real>
+std::vector<Real> values_as(std::span<const double> values) {
+  std::vector<Real> result(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) result[i] = static_cast<Real>(values[i]);
+  return result;
+}
+
+inline std::vector<double> magnitudes(std::span<const double> values) {
+  std::vector<double> result(values.begin(), values.end());
   for (double& value : result) value = std::abs(value);
   return result;
+}
+inline std::vector<double> magnitudes(std::span<const float> values) {
+  return magnitudes(widened(values));
 }
 
 // Integers in [-limit, limit]: sums of their products are exact in float below 2^24.
@@ -43,10 +54,10 @@ inline std::vector<float> random_integers(std::size_t count, std::uint64_t seed,
 
 // Row-major rows x columns at the given leading dimension, behind `offset` unused values; nothing
 // follows the last value.
-inline std::vector<float> with_leading(std::span<const float> matrix, std::size_t rows,
-                                       std::size_t columns, std::size_t leading,
-                                       std::size_t offset = 0) {
-  std::vector<float> result(offset + (rows - 1) * leading + columns, unused);
+template <typename Real>
+std::vector<Real> with_leading(std::span<const Real> matrix, std::size_t rows, std::size_t columns,
+                               std::size_t leading, std::size_t offset = 0) {
+  std::vector<Real> result(offset + (rows - 1) * leading + columns, Real{unused});
   for (std::size_t r = 0; r < rows; ++r) {
     for (std::size_t c = 0; c < columns; ++c) {
       result[offset + r * leading + c] = matrix[r * columns + c];
@@ -55,9 +66,9 @@ inline std::vector<float> with_leading(std::span<const float> matrix, std::size_
   return result;
 }
 
-inline std::vector<float> transpose(std::span<const float> matrix, std::size_t rows,
-                                    std::size_t columns) {
-  std::vector<float> result(matrix.size());
+template <typename Real>
+std::vector<Real> transpose(std::span<const Real> matrix, std::size_t rows, std::size_t columns) {
+  std::vector<Real> result(matrix.size());
   for (std::size_t r = 0; r < rows; ++r) {
     for (std::size_t c = 0; c < columns; ++c) result[c * rows + r] = matrix[r * columns + c];
   }
@@ -65,9 +76,10 @@ inline std::vector<float> transpose(std::span<const float> matrix, std::size_t r
 }
 
 // Panels [ceil(columns / width)][rows][width]; columns past the last hold `padding`.
-inline std::vector<float> panels_of(std::span<const float> matrix, std::size_t rows,
-                                    std::size_t columns, std::size_t width, float padding) {
-  std::vector<float> result((columns + width - 1) / width * rows * width, padding);
+template <typename Real>
+std::vector<Real> panels_of(std::span<const Real> matrix, std::size_t rows, std::size_t columns,
+                            std::size_t width, Real padding) {
+  std::vector<Real> result((columns + width - 1) / width * rows * width, padding);
   for (std::size_t r = 0; r < rows; ++r) {
     for (std::size_t c = 0; c < columns; ++c) {
       result[(c / width * rows + r) * width + c % width] = matrix[r * columns + c];
@@ -77,15 +89,38 @@ inline std::vector<float> panels_of(std::span<const float> matrix, std::size_t r
 }
 
 // The first `columns` columns of panels, row-major.
-inline std::vector<float> from_panels(std::span<const float> panels, std::size_t rows,
-                                      std::size_t columns, std::size_t width) {
-  std::vector<float> result(rows * columns);
+template <typename Real>
+std::vector<Real> from_panels(std::span<const Real> panels, std::size_t rows, std::size_t columns,
+                              std::size_t width) {
+  std::vector<Real> result(rows * columns);
   for (std::size_t r = 0; r < rows; ++r) {
     for (std::size_t c = 0; c < columns; ++c) {
       result[r * columns + c] = panels[(c / width * rows + r) * width + c % width];
     }
   }
   return result;
+}
+
+// Vectors are taken as spans of them.
+template <typename Real>
+std::vector<Real> with_leading(const std::vector<Real>& matrix, std::size_t rows,
+                               std::size_t columns, std::size_t leading, std::size_t offset = 0) {
+  return with_leading(std::span<const Real>(matrix), rows, columns, leading, offset);
+}
+template <typename Real>
+std::vector<Real> transpose(const std::vector<Real>& matrix, std::size_t rows,
+                            std::size_t columns) {
+  return transpose(std::span<const Real>(matrix), rows, columns);
+}
+template <typename Real>
+std::vector<Real> panels_of(const std::vector<Real>& matrix, std::size_t rows, std::size_t columns,
+                            std::size_t width, Real padding) {
+  return panels_of(std::span<const Real>(matrix), rows, columns, width, padding);
+}
+template <typename Real>
+std::vector<Real> from_panels(const std::vector<Real>& panels, std::size_t rows,
+                              std::size_t columns, std::size_t width) {
+  return from_panels(std::span<const Real>(panels), rows, columns, width);
 }
 
 // The same bits in every place, NaN included.

@@ -16,6 +16,7 @@ extern const KernelSource gemm;
 extern const KernelSource gram;
 extern const KernelSource peak;
 extern const KernelSource scan_tile;
+extern const KernelSource syrk;
 extern const KernelSource transcode_tile;
 extern const KernelSource weave;
 }  // namespace kernel_sources

@@ -25,9 +25,10 @@ namespace {
 
 // Columns of a macro-tile: whole panels, so many that a panel's block of B is reused from the
 // caches, and so few that every compute unit has several tiles.
-std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N) {
+std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N,
+                          Arithmetic arithmetic) {
   const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
-  const std::size_t width = panel_width(device);
+  const std::size_t width = panel_width(device, arithmetic);
   const std::size_t most = device.parameter(tunables::gemm, "TILE_PANELS") * width;
   const std::size_t row_tiles = ceil_div(M, macro_rows);
   const std::size_t wanted_tiles = 8;  // fixed: no result may depend on the number of units
@@ -35,64 +36,76 @@ std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N) {
   return std::clamp(columns, width, most);
 }
 
-std::string gemm_options(const Device& device, bool a_transposed) {
-  return fmt::format("{} {} -DA_TRANSPOSED={}", vector_option(device),
+std::string gemm_options(const Device& device, Arithmetic arithmetic, bool a_transposed) {
+  return fmt::format("{} {} -DA_TRANSPOSED={}", vector_option(device, arithmetic),
                      device.tuned_options(tunables::gemm), a_transposed ? 1 : 0);
 }
 }  // namespace
 
 Operand row_major(const Device& device, const Buffer& buffer, std::size_t leading,
-                  std::size_t offset) {
-  return {&buffer, offset, leading, 1, panel_width(device)};
+                  std::size_t offset, Arithmetic arithmetic) {
+  return {&buffer, offset, leading, 1, panel_width(device, arithmetic), arithmetic};
 }
 
 Operand transposed(const Device& device, const Buffer& buffer, std::size_t leading,
-                   std::size_t offset) {
-  return {&buffer, offset, 1, leading, panel_width(device) * leading};
+                   std::size_t offset, Arithmetic arithmetic) {
+  return {&buffer, offset, 1, leading, panel_width(device, arithmetic) * leading, arithmetic};
 }
 
-Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows) {
-  const std::size_t width = panel_width(device);
-  return {&buffer, 0, width, 1, rows * width};
+Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows,
+                 Arithmetic arithmetic) {
+  const std::size_t width = panel_width(device, arithmetic);
+  return {&buffer, 0, width, 1, rows * width, arithmetic};
 }
 
-std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N) {
-  return K * round_up(N, panel_width(device));
+std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N,
+                            Arithmetic arithmetic) {
+  return K * round_up(N, panel_width(device, arithmetic));
 }
 
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed) {
+  require_arithmetic(device, B.arithmetic);
   const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS");
   const cl_kernel kernel =
-      device.kernel(kernel_sources::gemm, gemm_options(device, false), "pack_panels");
+      device.kernel(kernel_sources::gemm, gemm_options(device, B.arithmetic, false), "pack_panels");
   set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(K),
                 ulong(N), packed);
-  launch_items(device, kernel, ceil_div(N, panel_width(device)), ceil_div(K, pack_rows));
+  launch_items(device, kernel, ceil_div(N, panel_width(device, B.arithmetic)),
+               ceil_div(K, pack_rows));
 }
 
-Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading, std::size_t offset) {
-  return {&buffer, offset, leading, panel_width(device)};
+Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading, std::size_t offset,
+                    Arithmetic arithmetic) {
+  return {&buffer, offset, leading, panel_width(device, arithmetic)};
 }
 
-Result to_panels(const Device& device, Buffer& buffer, std::size_t rows) {
-  const std::size_t width = panel_width(device);
+Result to_panels(const Device& device, Buffer& buffer, std::size_t rows, Arithmetic arithmetic) {
+  const std::size_t width = panel_width(device, arithmetic);
   return {&buffer, 0, width, rows * width};
 }
 
-void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-                 const Operand& A, const Buffer& packed_b, float beta, const Result& C) {
-  const std::size_t columns = macro_columns(device, M, N);
+void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
+                 const Operand& A, const Buffer& packed_b, double beta, const Result& C) {
+  require_arithmetic(device, A.arithmetic);
+  const std::size_t columns = macro_columns(device, M, N, A.arithmetic);
   const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
-  const cl_kernel kernel = device.kernel(kernel_sources::gemm,
-                                         gemm_options(device, A.row == 1 && A.column != 1), "gemm");
-  set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), alpha, *A.buffer,
-                ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel), packed_b, beta,
-                *C.buffer, ulong(C.offset), ulong(C.row), ulong(C.panel));
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::gemm,
+                    gemm_options(device, A.arithmetic, A.row == 1 && A.column != 1), "gemm");
+  with_real(A.arithmetic, [&](auto real) {
+    using Real = decltype(real);
+    set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), static_cast<Real>(alpha),
+                  *A.buffer, ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel),
+                  packed_b, static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row),
+                  ulong(C.panel));
+  });
   launch_items(device, kernel, ceil_div(N, columns), ceil_div(M, macro_rows));
 }
 
-void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-          const Operand& A, const Operand& B, float beta, const Result& C) {
-  Buffer packed(device, packed_elements(device, K, N) * sizeof(float), "packed matrix");
+void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
+          const Operand& A, const Operand& B, double beta, const Result& C) {
+  Buffer packed(device, packed_elements(device, K, N, B.arithmetic) * size_of(B.arithmetic),
+                "packed matrix");
   pack_panels(device, B, K, N, packed);
   gemm_packed(device, M, N, K, alpha, A, packed, beta, C);
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "weft/device/device.hpp"
+#include "weft/ops/arithmetic.hpp"
 
 namespace weft::ops {
 
@@ -15,14 +16,16 @@ struct Operand {
   std::size_t row = 0;
   std::size_t column = 0;
   std::size_t panel = 0;
+  Arithmetic arithmetic = Arithmetic::f32;
 };
 
 // Row-major with a leading dimension; its transpose; panels of which each holds `rows` rows.
 Operand row_major(const Device& device, const Buffer& buffer, std::size_t leading,
-                  std::size_t offset = 0);
+                  std::size_t offset = 0, Arithmetic arithmetic = Arithmetic::f32);
 Operand transposed(const Device& device, const Buffer& buffer, std::size_t leading,
-                   std::size_t offset = 0);
-Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows);
+                   std::size_t offset = 0, Arithmetic arithmetic = Arithmetic::f32);
+Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows,
+                 Arithmetic arithmetic = Arithmetic::f32);
 
 // Where a product is written: C(i, j) at offset + i row + (j / NR) panel + j % NR.
 struct Result {
@@ -32,22 +35,25 @@ struct Result {
   std::size_t panel = 0;
 };
 Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading,
-                    std::size_t offset = 0);
+                    std::size_t offset = 0, Arithmetic arithmetic = Arithmetic::f32);
 // Panels of which each holds `rows` rows; N is then taken as a whole number of panels.
-Result to_panels(const Device& device, Buffer& buffer, std::size_t rows);
+Result to_panels(const Device& device, Buffer& buffer, std::size_t rows,
+                 Arithmetic arithmetic = Arithmetic::f32);
 
 // Elements of a K x N matrix packed in panels.
-std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N);
+std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N,
+                            Arithmetic arithmetic = Arithmetic::f32);
 
-// Packs a K x N matrix (row-major or transposed operand) into `packed`.
+// Packs a K x N matrix (row-major or transposed operand) into `packed`, in its own arithmetic.
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed);
 
-// C = alpha A B + beta C with packed B. Where beta is 0, C is not read. K is at least 1.
-void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-                 const Operand& A, const Buffer& packed_b, float beta, const Result& C);
+// C = alpha A B + beta C with packed B, in the arithmetic of A, which is that of all. Where beta is
+// 0, C is not read. K is at least 1.
+void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
+                 const Operand& A, const Buffer& packed_b, double beta, const Result& C);
 
 // The same with B as it is; packs it into a temporary buffer.
-void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, float alpha,
-          const Operand& A, const Operand& B, float beta, const Result& C);
+void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
+          const Operand& A, const Operand& B, double beta, const Result& C);
 
 }  // namespace weft::ops

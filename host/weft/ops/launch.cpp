@@ -13,16 +13,22 @@ void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y
   device.launch(kernel, global, local);
 }
 
-std::size_t vector_width(const Device&) {
-  return 8;
+std::size_t vector_width(const Device&, Arithmetic arithmetic) {
+  return arithmetic == Arithmetic::f32 ? 8 : 4;
 }
 
-std::size_t panel_width(const Device& device) {
-  return 3 * vector_width(device);
+std::size_t panel_width(const Device& device, Arithmetic arithmetic) {
+  return 3 * vector_width(device, arithmetic);
 }
 
-std::string vector_option(const Device& device) {
-  return fmt::format("-DVW={}", vector_width(device));
+std::string vector_option(const Device& device, Arithmetic arithmetic) {
+  return fmt::format("-DARITHMETIC={} -DVW={}", 8 * size_of(arithmetic),
+                     vector_width(device, arithmetic));
+}
+
+void require_arithmetic(const Device& device, Arithmetic arithmetic) {
+  if (arithmetic == Arithmetic::f32 || device.limits().has_fp64) return;
+  fail_input("device '{}' has no double precision: choose arithmetic f32", device.limits().name);
 }
 
 std::string value_options(DType dtype, bool nan_zero) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "weft/device/device.hpp"
+#include "weft/ops/arithmetic.hpp"
 #include "weft/tensor/dtype.hpp"
 
 namespace weft::ops {
@@ -26,11 +27,24 @@ constexpr std::size_t round_up(std::size_t a, std::size_t b) {
 void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y = 1);
 
 // Lanes of the vectors that the CPU-shaped kernels use on this device, and columns of a panel.
-std::size_t vector_width(const Device& device);
-std::size_t panel_width(const Device& device);
+std::size_t vector_width(const Device& device, Arithmetic arithmetic = Arithmetic::f32);
+std::size_t panel_width(const Device& device, Arithmetic arithmetic = Arithmetic::f32);
 
-// "-DVW=8": the option every panel kernel is built with.
-std::string vector_option(const Device& device);
+// "-DARITHMETIC=32 -DVW=8": the options every panel kernel is built with.
+std::string vector_option(const Device& device, Arithmetic arithmetic = Arithmetic::f32);
+
+// An input error that names the device if it doesn't compute in that arithmetic.
+void require_arithmetic(const Device& device, Arithmetic arithmetic);
+
+// Calls f(float{}) or f(double{}): the type of a kernel's real arguments.
+template <typename F>
+void with_real(Arithmetic arithmetic, const F& f) {
+  if (arithmetic == Arithmetic::f32) {
+    f(float{});
+  } else {
+    f(double{});
+  }
+}
 
 // "-DVALUE=.. -DNAN_ZERO=.." of tile_values.cl.
 std::string value_options(DType dtype, bool nan_zero);

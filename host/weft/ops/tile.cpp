@@ -28,6 +28,7 @@ constinit const TunableKernel tunables::transcode_tile{"transcode_tile", transco
 
 namespace weft::ops {
 namespace {
+constexpr std::size_t transposed_texels = 512;
 
 std::string tile_options(const TileShape& tile) {
   return fmt::format("{} -DCHANNELS={}", value_options(tile.dtype, tile.nan_zero), tile.channels);
@@ -70,28 +71,55 @@ TileScan scan_tile(Device& device, const TileShape& tile, const Buffer& raw) {
   return scan;
 }
 
-std::size_t panel_elements(const Device& device, const TileShape& tile) {
-  return round_up(tile.texels, panel_width(device)) * tile.rows();
+std::size_t panel_elements(const Device& device, const TileShape& tile, Arithmetic arithmetic) {
+  return round_up(tile.texels, panel_width(device, arithmetic)) * tile.rows();
 }
 
 void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
-                  std::size_t first_row, float scale, Buffer& panels, double* squares) {
-  const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device)),
+                  std::size_t first_row, float scale, Buffer& panels, double* squares,
+                  Arithmetic arithmetic) {
+  require_arithmetic(device, arithmetic);
+  const std::size_t blocks = ceil_div(ceil_div(tile.texels, panel_width(device, arithmetic)),
                                       device.parameter(tunables::convert_tile, "PANELS"));
-  Buffer partial(device, squares ? tile.images * blocks * sizeof(float) : sizeof(float),
+  Buffer partial(device, squares ? tile.images * blocks * size_of(arithmetic) : sizeof(double),
                  "sums of squares");
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::convert_tile,
+      fmt::format("{} {} {} -DSQUARES={}", tile_options(tile), vector_option(device, arithmetic),
+                  device.tuned_options(tunables::convert_tile), squares ? 1 : 0),
+      "convert_tile");
+  with_real(arithmetic, [&](auto zero) {
+    using Real = decltype(zero);
+    set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, ulong(first_row),
+                  static_cast<Real>(scale), panels, partial);
+    launch_items(device, kernel, blocks, tile.images);
+    if (!squares) return;
+    std::vector<Real> host(tile.images * blocks);
+    device.read(partial, std::span<Real>(host));
+    for (const Real value : host) *squares += value;
+  });
+}
+
+std::size_t transposed_panel_elements(const Device& device, const TileShape& tile,
+                                      Arithmetic arithmetic) {
+  return round_up(tile.rows(), panel_width(device, arithmetic)) * tile.texels;
+}
+
+void convert_tile_transposed(Device& device, const TileShape& tile, const Buffer& raw,
+                             const Buffer& mean, std::size_t first_row, float scale, Buffer& panels,
+                             Arithmetic arithmetic) {
+  require_arithmetic(device, arithmetic);
   const cl_kernel kernel =
       device.kernel(kernel_sources::convert_tile,
-                    fmt::format("{} {} {} -DSQUARES={}", tile_options(tile), vector_option(device),
-                                device.tuned_options(tunables::convert_tile), squares ? 1 : 0),
-                    "convert_tile");
-  set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, ulong(first_row), scale,
-                panels, partial);
-  launch_items(device, kernel, blocks, tile.images);
-  if (!squares) return;
-  std::vector<float> host(tile.images * blocks);
-  device.read(partial, std::span<float>(host));
-  for (const float value : host) *squares += value;
+                    fmt::format("{} {} -DTEXELS={}", tile_options(tile),
+                                vector_option(device, arithmetic), transposed_texels),
+                    "convert_tile_transposed");
+  with_real(arithmetic, [&](auto zero) {
+    set_arguments(kernel, raw, ulong(tile.texels), ulong(tile.images), mean, ulong(first_row),
+                  static_cast<decltype(zero)>(scale), panels);
+  });
+  launch_items(device, kernel, ceil_div(tile.texels, transposed_texels),
+               ceil_div(tile.rows(), panel_width(device, arithmetic)));
 }
 
 ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,

@@ -10,6 +10,7 @@
 #include "weft/btf/btf.hpp"
 #include "weft/device/device.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/ops/arithmetic.hpp"
 
 namespace weft::ops {
 
@@ -34,12 +35,23 @@ struct TileScan {
 TileScan scan_tile(Device& device, const TileShape& tile, const Buffer& raw);
 
 // Elements of a tile's panels: [ceil(P / NR)][images C][NR].
-std::size_t panel_elements(const Device& device, const TileShape& tile);
+std::size_t panel_elements(const Device& device, const TileShape& tile,
+                           Arithmetic arithmetic = Arithmetic::f32);
 
-// panels(row, p) = (T - mean[first_row + row]) scale. `scale` must be a power of two. With
-// `squares`, waits and adds the sum of the squared results to it.
+// panels(row, p) = (T - mean[first_row + row]) scale, in the given arithmetic; means are floats.
+// `scale` must be a power of two. With `squares`, waits and adds the sum of the squared results to
+// it.
 void convert_tile(Device& device, const TileShape& tile, const Buffer& raw, const Buffer& mean,
-                  std::size_t first_row, float scale, Buffer& panels, double* squares = nullptr);
+                  std::size_t first_row, float scale, Buffer& panels, double* squares = nullptr,
+                  Arithmetic arithmetic = Arithmetic::f32);
+
+// The same transposed: panels(p, row), columns of which are the tile's rows.
+// Elements of [ceil(images C / NR)][P][NR].
+std::size_t transposed_panel_elements(const Device& device, const TileShape& tile,
+                                      Arithmetic arithmetic = Arithmetic::f32);
+void convert_tile_transposed(Device& device, const TileShape& tile, const Buffer& raw,
+                             const Buffer& mean, std::size_t first_row, float scale, Buffer& panels,
+                             Arithmetic arithmetic = Arithmetic::f32);
 
 // Errors of a decoded tile (float, [images][P][C]) against the raw one. `scale`: a power of two
 // that brings values near 1. Waits for the device.

@@ -1,0 +1,29 @@
+// Products of a matrix with its own transpose (Gram matrices) on the device: kernels/syrk.cl.
+#pragma once
+
+#include <cstddef>
+
+#include "weft/device/device.hpp"
+#include "weft/ops/arithmetic.hpp"
+
+namespace weft::ops {
+
+// C = alpha X^T X + beta C of a K x m matrix X in packed panels [ceil(m / NR)][K][NR], padded with
+// zero; NR is panel_width(device, arithmetic). C is m x m, row-major; its lower triangle, j <= i,
+// is valid, what is above is unspecified. Where beta is 0, C is not read. K is at least 1.
+//
+// Sums are blocked: |error(i, j)| <= gamma(syrk_terms(K)) (|alpha| sum |X(k, i) X(k, j)| +
+// |beta C(i, j)|) with gamma(n) = n u / (1 - n u) and u the unit roundoff.
+void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
+                 double beta, Buffer& C, std::size_t leading,
+                 Arithmetic arithmetic = Arithmetic::f32);
+
+// Bytes of the partial sums that syrk_packed() holds on the device.
+std::size_t syrk_bytes(const Device& device, std::size_t m, std::size_t K,
+                       Arithmetic arithmetic = Arithmetic::f32);
+
+// Roundings that a product can go through on its way into C.
+std::size_t syrk_terms(const Device& device, std::size_t m, std::size_t K,
+                       Arithmetic arithmetic = Arithmetic::f32);
+
+}  // namespace weft::ops
