@@ -18,6 +18,7 @@ extern const KernelSource peak;
 extern const KernelSource scan_tile;
 extern const KernelSource syrk;
 extern const KernelSource transcode_tile;
+extern const KernelSource tsqr;
 extern const KernelSource weave;
 }  // namespace kernel_sources
 
