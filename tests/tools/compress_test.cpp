@@ -391,16 +391,5 @@ TEST_F(Compress, ADamagedModelIsNamed) {
   }
 }
 
-TEST(Bench, MeasuresWhatIsAskedFor) {
-  const ProcessResult result = run_weft({"bench", "--filter", "gram", "--repeat", "1", "--json"});
-  ASSERT_EQ(result.status, 0) << result.err;
-  const json report = json::parse(result.out);
-  EXPECT_GT(report.at("peak_fma").get<double>(), 0);
-  EXPECT_GT(report.at("peak_copy").get<double>(), 0);
-  ASSERT_EQ(report.at("operations").size(), 1U);
-  EXPECT_GT(report.at("operations").at(0).at("gflops").get<double>(), 0);
-  EXPECT_EQ(run_weft({"bench", "--device", "reference"}).status, 2);
-}
-
 }  // namespace
 }  // namespace weft::test

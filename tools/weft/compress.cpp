@@ -61,7 +61,7 @@ void run_compress(const CompressOptions& options) {
   const Selection selection = make_selection(options.selection, input->info());
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
-  std::unique_ptr<Device> device = open_device(options.device);
+  std::unique_ptr<Device> device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
   Job& job = reported.job();

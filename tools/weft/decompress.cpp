@@ -103,7 +103,7 @@ void run_decompress(const DecompressOptions& options) {
   Selection part = selection;
   part.level = 0;
   if (!part.selects_all()) model = codec.select(*model, part);
-  std::unique_ptr<Device> device = open_device(options.device);
+  std::unique_ptr<Device> device = open_device(options.device, options.report);
   ReportedJob reported(options.device, options.report);
   Job& job = reported.job();
 

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -57,10 +59,35 @@ void ReportedJob::add_fields(Report& report) const {
   if (!notes.empty()) report.add("notes", notes);
 }
 
-std::unique_ptr<Device> open_device(const DeviceOptions& options) {
+std::unique_ptr<Device> open_device(const DeviceOptions& options, const OutputOptions& output) {
   if (options.reference()) return nullptr;
-  return std::make_unique<Device>(options.device, options.profile);
+  auto device = std::make_unique<Device>(options.device, options.profile);
+  if (!output.quiet) {
+    for (const std::string& warning : device->tuning().warnings()) {
+      fmt::print(stderr, "warning: {}\n", warning);
+    }
+  }
+  return device;
 }
+
+namespace {
+
+// {"gemm": {"source": "shipped", "MC": 96}, ...} of the kernels that ran; in the table the sources.
+Cell tuning_cell(const Tuning& tuning) {
+  nlohmann::json object = nlohmann::json::object();
+  std::string text;
+  for (const std::string& name : tuning.used()) {
+    const TunableKernel& kernel = *find_tunable(name);
+    const std::vector<std::size_t> values = tuning.values(kernel);
+    nlohmann::json entry = {{"source", tuning.source(kernel)}};
+    for (std::size_t i = 0; i < values.size(); ++i) entry[kernel.macros[i].macro] = values[i];
+    object[name] = std::move(entry);
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", name, tuning.source(kernel));
+  }
+  return {text, object.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace), false};
+}
+
+}  // namespace
 
 std::string device_name(const std::unique_ptr<Device>& device) {
   return device ? device->limits().name : std::string("reference");
@@ -70,6 +97,7 @@ void add_device_fields(Report& report, const std::unique_ptr<Device>& device) {
   if (!device) return;
   device->finish();  // collects the times of what was waited for by other means
   report.add("peak_device_memory", bytes_cell(device->peak_allocated()));
+  if (!device->tuning().used().empty()) report.add("tuning", tuning_cell(device->tuning()));
   if (!device->profile().empty()) add_profile_table(report, device->profile());
 }
 

@@ -33,11 +33,13 @@ class ReportedJob {
   std::unique_ptr<Progress> progress_;
 };
 
-// The device of the options, or null for the reference.
-std::unique_ptr<Device> open_device(const DeviceOptions& options);
+// The device of the options, or null for the reference. Says on standard error which entries of
+// tuning databases are ignored (not under --quiet).
+std::unique_ptr<Device> open_device(const DeviceOptions& options, const OutputOptions& output);
 // "reference" or the device's name.
 std::string device_name(const std::unique_ptr<Device>& device);
-// Device memory at its peak, and the kernels' times under --profile.
+// Device memory at its peak, where the values of the kernels' macros came from, and the kernels'
+// times under --profile.
 void add_device_fields(Report& report, const std::unique_ptr<Device>& device);
 
 }  // namespace weft

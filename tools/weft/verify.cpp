@@ -114,7 +114,7 @@ void run_verify(const VerifyOptions& options) {
   const Codec& codec = find_codec(model->info.codec);
   std::shared_ptr<TileSource> raw;
   if (!options.against.empty()) raw = fitted_part(options.against, *model, options.nan == "zero");
-  std::unique_ptr<Device> device = open_device(options.device);
+  std::unique_ptr<Device> device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
   Job& job = reported.job();

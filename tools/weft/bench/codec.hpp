@@ -1,0 +1,24 @@
+// Codecs from end to end, beside what their flops and bytes would cost at the machine's peaks.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "report.hpp"
+#include "weft/device/device.hpp"
+#include "weft/ops/peak.hpp"
+
+namespace weft {
+
+struct CodecBenchOptions {
+  std::string filter;       // codecs whose row "codec NAME" contains it
+  std::string input;        // a raw BTF; empty: a small weave is synthesised
+  std::string rank = "64";  // of codecs that have one
+  std::size_t memory = 0;
+};
+
+// Adds the table `codecs`: encoding and measuring, three runs of each codec.
+void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptions& options,
+                  Report& report);
+
+}  // namespace weft

@@ -1,0 +1,72 @@
+// Matrix products.
+#include <fmt/core.h>
+
+#include <memory>
+
+#include "bench/benchmark.hpp"
+#include "weft/ops/gemm.hpp"
+#include "weft/ops/launch.hpp"
+
+namespace weft {
+namespace {
+
+// C = A B of row-major matrices, packing included.
+Benchmark product(std::size_t M, std::size_t N, std::size_t K) {
+  const auto m = static_cast<double>(M), n = static_cast<double>(N), k = static_cast<double>(K);
+  Benchmark benchmark{"gemm", fmt::format("{} x {} x {}", M, N, K), 2 * m * n * k,
+                      4 * (m * k + k * n + m * n)};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto A = std::make_shared<Buffer>(random_buffer(device, M * K, "A"));
+    const auto B = std::make_shared<Buffer>(random_buffer(device, K * N, "B"));
+    const auto C = std::make_shared<Buffer>(device, M * N * sizeof(float), "C");
+    return [=, &device] {
+      ops::gemm(device, M, N, K, 1, ops::row_major(device, *A, K), ops::row_major(device, *B, N), 0,
+                ops::to_row_major(device, *C, N));
+    };
+  };
+  return benchmark;
+}
+
+// The two products of a pass of an encoder over one run of images.
+constexpr std::size_t texels = 16384, rows = 192, block = 72;
+constexpr double pass_flops = 2.0 * texels * rows * block;
+constexpr double pass_bytes = 4.0 * (texels * (rows + block) + rows * block);
+
+Run images_times_basis(Device& device) {
+  const std::size_t padded = ops::round_up(texels, ops::panel_width(device));
+  const auto tile = std::make_shared<Buffer>(random_buffer(device, padded * rows, "tile"));
+  const auto Q = std::make_shared<Buffer>(
+      random_buffer(device, ops::packed_elements(device, texels, block), "Q"));
+  const auto W = std::make_shared<Buffer>(device, rows * block * sizeof(float), "W");
+  return [=, &device] {
+    ops::gemm_packed(device, rows, block, texels, 1, ops::panelled(device, *tile, rows), *Q, 0,
+                     ops::to_row_major(device, *W, block));
+  };
+}
+
+Run texels_from_images(Device& device) {
+  const std::size_t padded = ops::round_up(texels, ops::panel_width(device));
+  const auto tile = std::make_shared<Buffer>(random_buffer(device, padded * rows, "tile"));
+  const auto W = std::make_shared<Buffer>(random_buffer(device, rows * block, "W"));
+  const auto Y = std::make_shared<Buffer>(zero_buffer(device, texels * block * sizeof(float), "Y"));
+  return [=, &device] {
+    ops::gemm_packed(device, block, texels, rows, 1, ops::transposed(device, *W, block), *tile, 1,
+                     ops::to_row_major(device, *Y, texels));
+  };
+}
+
+}  // namespace
+
+std::vector<Benchmark> product_benchmarks() {
+  return {
+      product(512, 512, 512),
+      product(2048, 2048, 2048),
+      product(2001, 2001, 2001),
+      product(100000, 300, 64),
+      {"gemm, W = A^T Q", "192 x 72 x 16384", pass_flops, pass_bytes, false, images_times_basis},
+      {"gemm, Y^T += W^T A^T", "72 x 16384 x 192", pass_flops, pass_bytes, false,
+       texels_from_images},
+  };
+}
+
+}  // namespace weft
