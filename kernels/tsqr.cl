@@ -62,7 +62,8 @@ __kernel void clear_triangle(__global real* restrict R, ulong offset) {
 
 // Copies rows of packed panels into the blocks: row first + i of [panels][packed_rows][NR] becomes row
 // filled + i of the chains' rows, i < count. Columns from m on are zero in the blocks, and so are the
-// rows up to the next multiple of four (capacity is one). Work-item (panel, chain).
+// rows up to the next multiple of four (capacity is one), so that whole groups of rows can be computed
+// with. Work-item (panel, chain).
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void append_rows(ulong m, __global const real* restrict packed, ulong packed_rows, ulong first,
                           ulong count, ulong filled, __global real* restrict B, ulong b_step,
