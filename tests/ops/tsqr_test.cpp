@@ -1,6 +1,7 @@
 // The triangular factor of a tall matrix against an SVD and the Gram matrix in double, at sizes
-// about the panel (24 columns in f32, 12 in f64), the block (512 rows), the batch (4096) and the
-// levels of the tree (65536 rows, and 2^20), for matrices of any rank, condition and magnitude.
+// about the panel (24 columns in f32, 12 in f64), the block (1024 rows), the batch (8192) and
+// the levels of the tree (131072 rows, and 2^21), for matrices of any rank, condition and
+// magnitude.
 #include "weft/ops/tsqr.hpp"
 
 #include <gtest/gtest.h>
@@ -82,11 +83,11 @@ std::vector<double> factor(const Matrix<Real>& X, std::size_t at_once) {
 // of their number, times 4 for any probability that matters).
 template <typename Real>
 double backward_error(std::size_t K, std::size_t m) {
-  const double rows = static_cast<double>(std::min<std::size_t>(K, 512));
+  const double rows = static_cast<double>(std::min<std::size_t>(K, 1024));
   const double terms = std::min(rows, 64.0) + rows / 128 + 3 + 8 + 3;
-  const double blocks = std::ceil(static_cast<double>(K) / 4096);
+  const double blocks = std::ceil(static_cast<double>(K) / 8192);
   const double reductions =
-      std::min(blocks, 16.0) + (K > 512 ? 3 : 0) + std::min(blocks / 16, 16.0);
+      std::min(blocks, 16.0) + (K > 1024 ? 3 : 0) + std::min(blocks / 16, 16.0);
   return 4 * std::sqrt(static_cast<double>(m) * reductions * terms) * roundoff_of<Real>;
 }
 
@@ -167,10 +168,11 @@ TYPED_TEST(Tsqr, StraddlesThePanel) {
 }
 
 TYPED_TEST(Tsqr, StraddlesTheBlockAndTheBatch) {
-  for (const std::size_t K : Sizes{511, 512, 513, 1023, 1025, 2500, 4095, 4096, 4097, 4609, 9000}) {
+  for (const std::size_t K :
+       Sizes{511, 513, 1023, 1024, 1025, 2500, 8191, 8192, 8193, 9217, 17000}) {
     expect_factor(random_matrix<TypeParam>(K, 30, 6));
   }
-  expect_factor(random_matrix<TypeParam>(66000, 5, 7));
+  expect_factor(random_matrix<TypeParam>(132000, 5, 7));
 }
 
 TYPED_TEST(Tsqr, WideMatrices) {
@@ -178,7 +180,7 @@ TYPED_TEST(Tsqr, WideMatrices) {
   expect_factor(random_matrix<TypeParam>(100, 300, 9));
 }
 
-// Blocks beyond 512 rows and fewer chains.
+// Fewer chains.
 TYPED_TEST(Tsqr, ManyColumns) {
   const std::size_t m = 1030;
   const Matrix<TypeParam> X = random_matrix<TypeParam>(2200, m, 10);
@@ -199,9 +201,9 @@ TYPED_TEST(Tsqr, ManyColumns) {
 
 // The same R whatever add()s the rows come in, to the bit.
 TYPED_TEST(Tsqr, TheSameBitsHoweverRowsAreAdded) {
-  const Matrix<TypeParam> X = random_matrix<TypeParam>(5000, 27, 11);
-  const std::vector<double> whole = factor(X, 5000);
-  for (const std::size_t at_once : Sizes{1, 37, 512, 4096, 4097}) {
+  const Matrix<TypeParam> X = random_matrix<TypeParam>(9000, 27, 11);
+  const std::vector<double> whole = factor(X, 9000);
+  for (const std::size_t at_once : Sizes{1, 37, 1024, 8192, 8193}) {
     if (at_once == 1 && sizeof(TypeParam) == 8) continue;
     EXPECT_TRUE(same_bits(factor(X, at_once), whole)) << at_once;
   }
@@ -220,7 +222,7 @@ TYPED_TEST(Tsqr, GoesOnAfterR) {
         X.values.begin(), X.values.begin() + static_cast<std::ptrdiff_t>((first + 300) * 30));
     const std::vector<double> expected = reference::gram(first + 300, 30, part, 30, part);
     EXPECT_TRUE(all_near(reference::gram(30, 30, R, 30, R), expected,
-                         2 * backward_error<TypeParam>(3 * 4096, 30) * 900));
+                         2 * backward_error<TypeParam>(3 * 8192, 30) * 900));
   }
 }
 
@@ -282,7 +284,7 @@ TYPED_TEST(Tsqr, SubnormalColumns) {
 
 TYPED_TEST(Tsqr, ZeroEqualAndDependentColumns) {
   EXPECT_TRUE(all_equal(factor(Matrix<TypeParam>(600, 30), 600), std::vector<double>(900, 0.0)));
-  for (const std::size_t K : Sizes{10, 700, 5000}) {
+  for (const std::size_t K : Sizes{10, 1500, 9000}) {
     Matrix<TypeParam> X = random_matrix<TypeParam>(K, 40, 19);
     for (std::size_t i = 0; i < K; ++i) {
       for (const std::size_t zero : Sizes{0, 3, 24, 39}) X.at(i, zero) = 0;
@@ -301,9 +303,9 @@ TYPED_TEST(Tsqr, ZeroEqualAndDependentColumns) {
   expect_factor(ones);
 }
 
-// 2^20 rows and more: up to the third level. The Gram matrix is known: the same rows 17 times.
+// 2^21 rows and more: up to the third level. The Gram matrix is known: the same rows 17 times.
 TYPED_TEST(Tsqr, LongAccumulation) {
-  const std::size_t K = 65536;
+  const std::size_t K = 131072;
   const std::size_t times = 17;
   const Matrix<TypeParam> X = random_matrix<TypeParam>(K, 3, 20);
   const GuardedBuffer rows = packed(X, 0, K);

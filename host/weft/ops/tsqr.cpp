@@ -44,7 +44,7 @@ Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arith
   // Few columns: work for many units comes from many chains; many columns: from the panels.
   shape.chains = m <= 1024 ? 8 : m <= 2048 ? 4 : 2;
   // Merging costs m / (48 b) of the reduction.
-  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 4), 512, 2048);
+  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 4), 1024, 2048);
   shape.block = shape.panels * shape.width * shape.rows;
   shape.triangle = shape.width * shape.width * (shape.panels * (shape.panels + 1) / 2);
   return shape;

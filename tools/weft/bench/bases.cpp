@@ -1,4 +1,4 @@
-// Inner products and orthonormal bases.
+// Inner products, orthonormal bases and triangular factors.
 #include <fmt/core.h>
 
 #include <memory>
@@ -6,7 +6,9 @@
 #include "bench/benchmark.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/gram.hpp"
+#include "weft/ops/launch.hpp"
 #include "weft/ops/orthonormalise.hpp"
+#include "weft/ops/tsqr.hpp"
 
 namespace weft {
 namespace {
@@ -45,6 +47,24 @@ Run projection(Device& device) {
   return [=, &device] { ops::project_out(device, n, *Q, count, *Y, count); };
 }
 
+Benchmark triangular_factor(std::size_t rows, std::size_t columns, Arithmetic arithmetic) {
+  const double flops = 2.0 * static_cast<double>(rows * columns * columns);
+  const double bytes = static_cast<double>(rows * columns * size_of(arithmetic));
+  Benchmark benchmark{arithmetic == Arithmetic::f32 ? "tsqr" : "tsqr (double)",
+                      fmt::format("{} x {}", rows, columns), flops, bytes};
+  benchmark.fp64 = arithmetic == Arithmetic::f64;
+  benchmark.prepare = [=](Device& device) -> Run {
+    const std::size_t elements =
+        rows * ops::round_up(columns, ops::panel_width(device, arithmetic));
+    const auto X = std::make_shared<Buffer>(arithmetic == Arithmetic::f32
+                                                ? random_buffer(device, elements, "X")
+                                                : random_doubles(device, elements, "X"));
+    const auto tsqr = std::make_shared<ops::Tsqr>(device, columns, arithmetic);
+    return [=] { tsqr->add(*X, rows); };
+  };
+  return benchmark;
+}
+
 }  // namespace
 
 std::vector<Benchmark> basis_benchmarks() {
@@ -54,6 +74,10 @@ std::vector<Benchmark> basis_benchmarks() {
       {"orthonormalise", "16384 x 72", 8.0 * n * count * count, 16.0 * n * count, false,
        orthonormal_basis},
       {"project_out", "16384 x 72", 4.0 * n * count * count, 16.0 * n * count, false, projection},
+      // whole batches, so that every run reduces its rows
+      triangular_factor(65536, 243, Arithmetic::f32),
+      triangular_factor(16384, 1024, Arithmetic::f32),
+      triangular_factor(65536, 243, Arithmetic::f64),
   };
 }
 
