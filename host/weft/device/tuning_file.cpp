@@ -48,6 +48,15 @@ bool is_for(const Json& entry, const TuningResult& result) {
          entry.value("device", Json()) == device_json(result.device);
 }
 
+// What a file holds already; an empty database if it is missing.
+Json existing(const std::filesystem::path& file) {
+  std::vector<std::string> warnings;
+  const TuningDatabase database = read_tuning(file, warnings);
+  if (!warnings.empty()) fail_input("{}: not a tuning database: {}", file.string(), warnings[0]);
+  if (!database.text.empty()) return parse_tuning(database);
+  return {{"format", format_name}, {"version", format_version}, {"entries", Json::array()}};
+}
+
 }  // namespace
 
 TuningDatabase shipped_tuning() {
@@ -104,14 +113,16 @@ Json parse_tuning(const TuningDatabase& database) {
   return root;
 }
 
+void check_tuning_file(const std::filesystem::path& file) {
+  existing(file);
+  // the folder of a new file may be missing still
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
+  std::error_code error;
+  if (std::filesystem::exists(folder, error)) AtomicFile probe(file);
+}
+
 void save_tuning(const std::filesystem::path& file, const std::vector<TuningResult>& results) {
-  // what is there already
-  std::vector<std::string> warnings;
-  const TuningDatabase database = read_tuning(file, warnings);
-  if (!warnings.empty()) fail_input("{}: not a tuning database: {}", file.string(), warnings[0]);
-  Json root = {{"format", format_name}, {"version", format_version}, {"entries", Json::array()}};
-  if (!database.text.empty()) root = parse_tuning(database);
-  // with the new entries
+  Json root = existing(file);
   Json entries = Json::array();
   for (Json& entry : root["entries"]) {
     bool replaced = false;

@@ -43,6 +43,10 @@ struct TuningResult {
 // Puts entries into a file, each in place of the one for the same device and kernel; other entries
 // stay. Makes the file and its folder where they are missing; the file is replaced in one step. A
 // file that can't be read as a database is an input error: it might hold something else.
+//
+// check_tuning_file() throws what save_tuning() would, as far as that can be known before, and
+// changes nothing.
+void check_tuning_file(const std::filesystem::path& file);
 void save_tuning(const std::filesystem::path& file, const std::vector<TuningResult>& results);
 
 }  // namespace weft
