@@ -16,13 +16,14 @@
 //   its transpose:                           a_row = 1,   a_column = lda, a_panel = NR lda
 //   panels [ceil(K / NR)][R][NR], R >= M:    a_row = NR,  a_column = 1,   a_panel = R NR
 //
-// One work-item owns a macro-tile of MC x tile_columns of C and loops over micro-tiles of 4 x NR, held in
-// twelve named vectors; K is cut in blocks of KC, so that a panel's block stays in the first cache
+// One work-item owns a macro-tile of MC x tile_columns of C and loops over micro-tiles of MR x NR, held in
+// named vectors; K is cut in blocks of KC, so that a panel's block stays in the first cache
 // and float sums stay short.
 //
-// MC  rows of a macro-tile, a multiple of 4
+// MC  rows of a macro-tile, a multiple of MR
 // KC  depth of a block, a multiple of NR
-// A_TRANSPOSED  1 if a_row is 1: the four values that a micro-tile takes of a column are neighbours
+// A_TRANSPOSED  1 if a_row is 1: the values that a micro-tile takes of a column are neighbours
+// A_PANELLED    1 if A is in panels
 // PACK_ROWS  rows that one work-item of pack_panels packs
 #include "vector_width.cl"
 #include "micro_tile.cl"
@@ -35,6 +36,9 @@
 #endif
 #ifndef A_TRANSPOSED
 #define A_TRANSPOSED 0
+#endif
+#ifndef A_PANELLED
+#define A_PANELLED 0
 #endif
 #ifndef PACK_ROWS
 #define PACK_ROWS 64
@@ -70,7 +74,7 @@ __kernel void pack_panels(__global const real* restrict B, ulong b_offset, ulong
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
 
 // Work-item (macro-tile of columns, macro-tile of rows); tile_columns is a multiple of NR.
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __global const real* restrict A,
                    ulong a_offset, ulong a_row, ulong a_column, ulong a_panel,
                    __global const real* restrict PB, real beta, __global real* restrict C,
@@ -84,15 +88,22 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
     const real block_beta = k_begin == 0 ? beta : 1.0f;
     for (ulong j = j_begin; j < j_end; j += NR) {
       const uint columns = (uint)min((ulong)NR, N - j);
-      for (ulong i = i_begin; i < i_end; i += 4) {
-        const uint rows = (uint)min((ulong)4, M - i);
+      for (ulong i = i_begin; i < i_end; i += MR) {
+        const uint rows = (uint)min((ulong)MR, M - i);
         FOR_ROWS(DECLARE)
         __global const real* b = PB + (j / NR) * K * NR + k_begin * NR;
+#if A_PANELLED
+        // A row of A is whole within a panel only.
         for (ulong panel = k_begin; panel < k_end; panel += NR) {
           const uint depth = (uint)min((ulong)NR, k_end - panel);
           __global const real* a0 = A + a_offset + i * a_row + (panel / NR) * a_panel;
+#else
+        {
+          const uint depth = (uint)(k_end - k_begin);
+          __global const real* a0 = A + a_offset + i * a_row + k_begin * a_column;
+#endif
 #if A_TRANSPOSED
-          if (rows < 4) {
+          if (rows < MR) {
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
               const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_EDGE)
@@ -109,6 +120,12 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
           __global const real* a1 = a0 + (rows > 1 ? a_row : 0);
           __global const real* a2 = a1 + (rows > 2 ? a_row : 0);
           __global const real* a3 = a2 + (rows > 3 ? a_row : 0);
+#if MR == 8
+          __global const real* a4 = a3 + (rows > 4 ? a_row : 0);
+          __global const real* a5 = a4 + (rows > 5 ? a_row : 0);
+          __global const real* a6 = a5 + (rows > 6 ? a_row : 0);
+          __global const real* a7 = a6 + (rows > 7 ? a_row : 0);
+#endif
 #pragma unroll 4
           for (uint k = 0; k < depth; ++k, b += NR) {
             const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);

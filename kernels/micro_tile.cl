@@ -6,9 +6,15 @@
 //   STORE(r)            c = alpha tile + block_beta c with c = c_tile + r c_row, where r < rows
 //   STORE_EDGE(r)       the same for the first `columns` columns
 //
-// MR  rows of a micro-tile: 4
+// MR  rows of a micro-tile: 4, or 8 for a device with 32 vector registers
+#ifndef MR
 #define MR 4
+#endif
+#if MR == 8
+#define FOR_ROWS(X) X(0) X(1) X(2) X(3) X(4) X(5) X(6) X(7)
+#else
 #define FOR_ROWS(X) X(0) X(1) X(2) X(3)
+#endif
 
 #define DECLARE(r) realv x##r = 0, y##r = 0, z##r = 0;
 

@@ -31,7 +31,7 @@
 #define MULTIPLY_ROW(r) MULTIPLY(r, a[r])
 
 // Work-item (macro-tile of columns, slice x macro-tile of rows); slices hold slice_depth of K.
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void syrk_packed(ulong m, ulong K, ulong slice_depth, real alpha,
                           __global const real* restrict PX, real beta, __global real* restrict C,
                           ulong c_row, ulong c_slice) {

@@ -20,12 +20,14 @@ typedef double real;
 typedef double2 real2;
 typedef double4 real4;
 typedef double8 real8;
+typedef double16 real16;
 #define convert_real8(x) convert_double8(x)
 #else
 typedef float real;
 typedef float2 real2;
 typedef float4 real4;
 typedef float8 real8;
+typedef float16 real16;
 #define convert_real8(x) (x)
 #endif
 
@@ -38,7 +40,17 @@ typedef real8 realv;
 #define loadv(p) vload8(0, p)
 #define storev(x, p) vstore8(x, 0, p)
 #else
-typedef float16 realv;
+typedef real16 realv;
 #define loadv(p) vload16(0, p)
 #define storev(x, p) vstore16(x, 0, p)
+#endif
+
+// Clang halves vectors of 512 bits unless the function asks for them.
+#if VW * ARITHMETIC == 512 && defined(__has_attribute)
+#if __has_attribute(min_vector_width)
+#define WIDE_VECTORS __attribute__((min_vector_width(512)))
+#endif
+#endif
+#ifndef WIDE_VECTORS
+#define WIDE_VECTORS
 #endif

@@ -15,6 +15,12 @@
 namespace weft::test {
 namespace {
 
+// One lane adds at most 16 panels in vectors of 8 texels, and a last few texels, per channel; then
+// 8 lanes.
+double squares_terms(std::size_t width, std::size_t channels) {
+  return static_cast<double>((16 * width / 8 + 8) * channels + 8);
+}
+
 struct Converted {
   std::vector<float> panels;
   double squares = 0;
@@ -68,8 +74,7 @@ Converted expect_convert(const Tile& tile, std::span<const float> row_means, flo
   result.squares = squares - 0.5;
   double expected = 0;
   for (const float value : actual) expected += double{value} * double{value};
-  // One lane adds at most 16 panels of 3 vectors and a last few texels per channel; then 8 lanes.
-  const double terms = 56.0 * static_cast<double>(shape.channels) + 8;
+  const double terms = squares_terms(width, shape.channels);
   const double tolerance =
       gamma(terms, float_roundoff) * expected + double_roundoff * (2 * expected + 1);
   EXPECT_NEAR(squares, 0.5 + expected, tolerance);
@@ -138,7 +143,7 @@ void expect_forms(const Tile& tile, float scale) {
   EXPECT_TRUE(panels.intact());
   double expected = 0;
   for (const Real value : actual) expected += double{value} * double{value};
-  const double terms = 56.0 * static_cast<double>(shape.channels) + 8;
+  const double terms = squares_terms(width, shape.channels);
   EXPECT_NEAR(
       squares, expected,
       (gamma(terms, u) + gamma(static_cast<double>(actual.size()), double_roundoff)) * expected);

@@ -1,6 +1,6 @@
 // Matrix products and packing against the reference, in every layout, at sizes about the micro-tile
-// (4 x 24), the macro-tile (96 rows, 24 to 480 columns), the depth of a block (240) and the rows
-// that one work-item packs (64).
+// (4 x 24, or 8 x 48 on wider vectors; half as wide in double), the macro-tile (96 rows, up to 8
+// panels), the depth of a block (384) and the rows that one work-item packs (64).
 #include "weft/ops/gemm.hpp"
 
 #include <gtest/gtest.h>
@@ -176,8 +176,9 @@ TEST(Gemm, SmallInEveryLayout) {
 }
 
 TEST(Gemm, StraddlesTheMicroTile) {
-  for (const std::size_t M : Sizes{1, 2, 3, 4, 5, 7, 8, 9}) {
-    for (const std::size_t N : Sizes{1, 7, 8, 9, 23, 24, 25, 47, 48, 49}) {
+  for (const std::size_t M : Sizes{1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17}) {
+    for (const std::size_t N :
+         Sizes{1, 7, 8, 9, 15, 16, 17, 23, 24, 25, 31, 32, 33, 47, 48, 49, 97}) {
       for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
         expect_exact({M, N, 5, a, Layout::row_major, false, 1.0f, 0.0f});
         expect_exact({M, N, 5, a, Layout::row_major, true, 1.0f, 1.0f});
@@ -202,7 +203,7 @@ TEST(Gemm, StraddlesTheMacroTile) {
 }
 
 TEST(Gemm, StraddlesTheDepthOfABlock) {
-  for (const std::size_t K : Sizes{1, 2, 23, 24, 25, 48, 239, 240, 241, 263, 480, 481, 1000}) {
+  for (const std::size_t K : Sizes{1, 2, 23, 24, 25, 48, 49, 383, 384, 385, 409, 768, 769, 1000}) {
     for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
       expect_exact({9, 25, K, a, Layout::row_major, false, 1.0f, 0.0f});
       expect_exact({9, 25, K, a, Layout::row_major, true, 0.5f, 2.0f});
@@ -210,15 +211,8 @@ TEST(Gemm, StraddlesTheDepthOfABlock) {
   }
 }
 
-// alpha A B + beta C: K products and their sums, the sums of blocks of 240, alpha, beta and their
-// sum.
-double terms(std::size_t K) {
-  const std::size_t blocks = (K + 239) / 240;
-  return static_cast<double>(K + 2 * blocks + 2);
-}
-
 TEST(Gemm, RoundingErrorIsBounded) {
-  for (const std::size_t K : Sizes{1, 24, 240, 241, 2000}) {
+  for (const std::size_t K : Sizes{1, 24, 384, 385, 2000}) {
     for (const Layout a : {Layout::row_major, Layout::transposed, Layout::panelled}) {
       const Case c{37, 50, K, a, Layout::row_major, false, -0.75, 1.25};
       SCOPED_TRACE(testing::Message() << c);
@@ -231,7 +225,8 @@ TEST(Gemm, RoundingErrorIsBounded) {
       reference::gemm(c.M, c.N, K, std::abs(c.alpha), magnitudes(A), magnitudes(B),
                       std::abs(c.beta), size);
       EXPECT_TRUE(all_near(multiply(c, A, B, C).C, expected, [&](std::size_t i) {
-        return gamma(terms(K), float_roundoff) * size[i];
+        return gamma(static_cast<double>(ops::gemm_terms(shared_device(), K)), float_roundoff) *
+               size[i];
       }));
     }
   }

@@ -11,8 +11,8 @@ namespace weft {
 namespace {
 constexpr Tunable gemm_macros[] = {
     {"MC", 96, {24, 48, 96, 192, 384}, "rows of a macro-tile"},
-    {"KC", 240, {96, 144, 192, 240, 288, 336, 384, 480}, "depth of a block"},
-    {"TILE_PANELS", 20, {4, 8, 12, 16, 20, 24, 32, 40}, "most panels of a macro-tile"},
+    {"KC", 384, {96, 144, 192, 240, 288, 336, 384, 480}, "depth of a block"},
+    {"TILE_PANELS", 8, {4, 8, 12, 16, 20, 24, 32, 40}, "most panels of a macro-tile"},
     {"PACK_ROWS", 64, {16, 32, 64, 128, 256}, "rows that one work-item packs"},
 };
 }  // namespace
@@ -36,26 +36,40 @@ std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N,
   return std::clamp(columns, width, most);
 }
 
-std::string gemm_options(const Device& device, Arithmetic arithmetic, bool a_transposed) {
-  return fmt::format("{} {} -DA_TRANSPOSED={}", vector_option(device, arithmetic),
-                     device.tuned_options(tunables::gemm), a_transposed ? 1 : 0);
+std::string gemm_options(const Device& device, const Operand& A) {
+  return fmt::format("{} {} -DA_TRANSPOSED={} -DA_PANELLED={}", vector_option(device, A.arithmetic),
+                     device.tuned_options(tunables::gemm),
+                     A.layout == Operand::Layout::transposed ? 1 : 0,
+                     A.layout == Operand::Layout::panelled ? 1 : 0);
 }
 }  // namespace
 
 Operand row_major(const Device& device, const Buffer& buffer, std::size_t leading,
                   std::size_t offset, Arithmetic arithmetic) {
-  return {&buffer, offset, leading, 1, panel_width(device, arithmetic), arithmetic};
+  return {&buffer,
+          offset,
+          leading,
+          1,
+          panel_width(device, arithmetic),
+          arithmetic,
+          Operand::Layout::row_major};
 }
 
 Operand transposed(const Device& device, const Buffer& buffer, std::size_t leading,
                    std::size_t offset, Arithmetic arithmetic) {
-  return {&buffer, offset, 1, leading, panel_width(device, arithmetic) * leading, arithmetic};
+  return {&buffer,
+          offset,
+          1,
+          leading,
+          panel_width(device, arithmetic) * leading,
+          arithmetic,
+          Operand::Layout::transposed};
 }
 
 Operand panelled(const Device& device, const Buffer& buffer, std::size_t rows,
                  Arithmetic arithmetic) {
   const std::size_t width = panel_width(device, arithmetic);
-  return {&buffer, 0, width, 1, rows * width, arithmetic};
+  return {&buffer, 0, width, 1, rows * width, arithmetic, Operand::Layout::panelled};
 }
 
 std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N,
@@ -63,11 +77,18 @@ std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N,
   return K * round_up(N, panel_width(device, arithmetic));
 }
 
+std::size_t gemm_terms(const Device& device, std::size_t K) {
+  const std::size_t depth = device.parameter(tunables::gemm, "KC");
+  // products and their sums in a block, the sums of blocks, alpha, beta and their sum
+  return std::min(K, depth) + 2 * ceil_div(K, depth) + 3;
+}
+
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed) {
   require_arithmetic(device, B.arithmetic);
   const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS");
   const cl_kernel kernel =
-      device.kernel(kernel_sources::gemm, gemm_options(device, B.arithmetic, false), "pack_panels");
+      device.kernel(kernel_sources::gemm, gemm_options(device, {nullptr, 0, 0, 0, 0, B.arithmetic}),
+                    "pack_panels");
   set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(K),
                 ulong(N), packed);
   launch_items(device, kernel, ceil_div(N, panel_width(device, B.arithmetic)),
@@ -89,9 +110,7 @@ void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, do
   require_arithmetic(device, A.arithmetic);
   const std::size_t columns = macro_columns(device, M, N, A.arithmetic);
   const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::gemm,
-                    gemm_options(device, A.arithmetic, A.row == 1 && A.column != 1), "gemm");
+  const cl_kernel kernel = device.kernel(kernel_sources::gemm, gemm_options(device, A), "gemm");
   with_real(A.arithmetic, [&](auto real) {
     using Real = decltype(real);
     set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), static_cast<Real>(alpha),

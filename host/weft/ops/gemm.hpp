@@ -17,6 +17,7 @@ struct Operand {
   std::size_t column = 0;
   std::size_t panel = 0;
   Arithmetic arithmetic = Arithmetic::f32;
+  enum class Layout { row_major, transposed, panelled } layout = Layout::row_major;
 };
 
 // Row-major with a leading dimension; its transpose; panels of which each holds `rows` rows.
@@ -43,6 +44,11 @@ Result to_panels(const Device& device, Buffer& buffer, std::size_t rows,
 // Elements of a K x N matrix packed in panels.
 std::size_t packed_elements(const Device& device, std::size_t K, std::size_t N,
                             Arithmetic arithmetic = Arithmetic::f32);
+
+// Roundings that a product can go through on its way into C, in blocks of the depth that the device
+// is tuned to: |error| <= gamma(gemm_terms) (|alpha| |A| |B| + |beta C|), gamma(n) = n u / (1 - n
+// u) with the unit roundoff u. It grows with K / depth.
+std::size_t gemm_terms(const Device& device, std::size_t K);
 
 // Packs a K x N matrix (row-major or transposed operand) into `packed`, in its own arithmetic.
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed);

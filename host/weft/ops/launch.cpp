@@ -13,8 +13,9 @@ void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y
   device.launch(kernel, global, local);
 }
 
-std::size_t vector_width(const Device&, Arithmetic arithmetic) {
-  return arithmetic == Arithmetic::f32 ? 8 : 4;
+std::size_t vector_width(const Device& device, Arithmetic arithmetic) {
+  const std::size_t floats = device.limits().vector_width >= 16 ? 16 : 8;
+  return arithmetic == Arithmetic::f32 ? floats : floats / 2;
 }
 
 std::size_t panel_width(const Device& device, Arithmetic arithmetic) {
@@ -22,8 +23,9 @@ std::size_t panel_width(const Device& device, Arithmetic arithmetic) {
 }
 
 std::string vector_option(const Device& device, Arithmetic arithmetic) {
-  return fmt::format("-DARITHMETIC={} -DVW={}", 8 * size_of(arithmetic),
-                     vector_width(device, arithmetic));
+  const std::size_t lanes = vector_width(device, arithmetic);
+  return fmt::format("-DARITHMETIC={} -DVW={} -DMR={}", 8 * size_of(arithmetic), lanes,
+                     lanes * size_of(arithmetic) == 64 ? 8 : 4);
 }
 
 void require_arithmetic(const Device& device, Arithmetic arithmetic) {
