@@ -31,6 +31,8 @@
 //           stay short; a multiple of 2
 #include "vector_width.cl"
 
+#include "micro_tile.cl"
+
 #ifndef SUM_ROWS
 #define SUM_ROWS 128
 #endif
@@ -62,8 +64,7 @@ __kernel void clear_triangle(__global real* restrict R, ulong offset) {
 
 // Copies rows of packed panels into the blocks: row first + i of [panels][packed_rows][NR] becomes row
 // filled + i of the chains' rows, i < count. Columns from m on are zero in the blocks, and so are the
-// rows up to the next multiple of four (capacity is one), so that whole groups of rows can be computed
-// with. Work-item (panel, chain).
+// rows up to the next multiple of MR (capacity is one), so that whole groups of rows can be computed with. Work-item (panel, chain).
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void append_rows(ulong m, __global const real* restrict packed, ulong packed_rows, ulong first,
                           ulong count, ulong filled, __global real* restrict B, ulong b_step,
@@ -84,14 +85,14 @@ __kernel void append_rows(ulong m, __global const real* restrict packed, ulong p
       for (uint j = 0; j < NR; ++j) out[j] = j < columns ? in[j] : 0;
     }
   }
-  for (ulong row = end - chain * capacity; row % 4 != 0; ++row, out += NR) {
+  for (ulong row = end - chain * capacity; row % MR != 0; ++row, out += NR) {
     for (uint j = 0; j < NR; j += VW) storev((realv)(0), out + j);
   }
 }
 
 // Column j of a panel: inner products of scale lift b(:, j) with every column, and the sum of the
 // squares of scale lift b(:, j), which is returned. For the columns whose scale was not foreseen.
-real column_products(__global const real* b, ulong rows, uint j, real scale, real lift, real* products) {
+WIDE_VECTORS real column_products(__global const real* b, ulong rows, uint j, real scale, real lift, real* products) {
   real squares = 0;
   realv x = 0, y = 0, z = 0;
   for (ulong begin = 0; begin < rows; begin += SUM_ROWS) {
@@ -196,7 +197,7 @@ real scale_of(real magnitude) {
     z += z0 + z1;                                                            \
   }
 
-void reflect_panel(__global real* b, ulong rows, uint j, real scale, real inverse, real* w,
+WIDE_VECTORS void reflect_panel(__global real* b, ulong rows, uint j, real scale, real inverse, real* w,
                    real next_scale, real* products) {
   const uint next = min(j + 1, (uint)(NR - 1));
   const real w_next = w[next];
@@ -219,10 +220,10 @@ void reflect_panel(__global real* b, ulong rows, uint j, real scale, real invers
 }
 
 // Reduces a panel of every chain; rows: of all chains' blocks together. Work-item (chain).
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void factor_panel(ulong panel, uint triangular, ulong rows_of_all, ulong capacity,
                            __global real* R, ulong r_offset, ulong r_step, __global real* B,
-                           ulong b_offset, ulong b_step, __global real* restrict T) {
+                           ulong b_offset, ulong b_step, __global real* restrict T, ulong m) {
   const ulong chain = get_global_id(0);
   const ulong rows = triangular ? (panel + 1) * NR : chain_rows(rows_of_all, capacity, chain);
   __global real* top = R + r_offset + chain * r_step + triangle_panel(panel) + panel * NR * NR;
@@ -232,7 +233,9 @@ __kernel void factor_panel(ulong panel, uint triangular, ulong rows_of_all, ulon
   real products[NR];
   real w[NR];
   real scale = 1;
-  for (uint j = 0; j < NR; ++j) {
+  // no reflectors for the columns that fill the last panel, which is never applied
+  const uint columns = (uint)min((ulong)NR, m - panel * NR);
+  for (uint j = 0; j < columns; ++j) {
     __global real* top_row = top + j * NR;
     const real alpha = top_row[j];
     // The scale that was foreseen from the column before serves if |x| is near 1 with it. For subnormal
@@ -289,15 +292,7 @@ __kernel void factor_panel(ulong panel, uint triangular, ulong rows_of_all, ulon
   }
 }
 
-#define FOR_ROWS(X) X(0) X(1) X(2) X(3)
-#define DECLARE(i) realv x##i = 0, y##i = 0, z##i = 0;
-#define ADD_W(i)                            \
-  {                                         \
-    const realv a = v[i];                   \
-    x##i = fma(a, c0, x##i);                \
-    y##i = fma(a, c1, y##i);                \
-    z##i = fma(a, c2, z##i);                \
-  }
+#define ADD_W(i) MULTIPLY(i, v[i])
 #define STORE_W(i)                                                         \
   {                                                                        \
     real* sum = W + (column + i) * NR;                                     \
@@ -308,22 +303,16 @@ __kernel void factor_panel(ulong panel, uint triangular, ulong rows_of_all, ulon
 #define LOAD_C(i)                                                          \
   realv x##i = loadv(c + i * NR), y##i = loadv(c + i * NR + VW),           \
         z##i = loadv(c + i * NR + 2 * VW);
-#define SUBTRACT(i)                         \
-  {                                         \
-    const realv a = v[i * NR + k];          \
-    x##i = fma(a, w0, x##i);                \
-    y##i = fma(a, w1, y##i);                \
-    z##i = fma(a, w2, z##i);                \
-  }
+#define ADD_C(i) MULTIPLY(i, v[i * NR + k])
 #define STORE_C(i)                          \
   storev(x##i, c + i * NR);                 \
   storev(y##i, c + i * NR + VW);            \
   storev(z##i, c + i * NR + 2 * VW);
 
 // Applies the reflectors of a panel to a later one: W = T^T (R_top + Vb^T C), R_top -= W, C -= Vb W.
-// Rows of a block are padded with zero to a multiple of four. Work-item (later panel less panel + 1,
+// Rows of a block are padded with zero to a multiple of MR. Work-item (later panel less panel + 1,
 // chain).
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void apply_panel(ulong panel, uint triangular, ulong rows_of_all, ulong capacity,
                           __global real* R, ulong r_offset, ulong r_step, __global real* B,
                           ulong b_offset, ulong b_step, __global const real* restrict T) {
@@ -341,12 +330,12 @@ __kernel void apply_panel(ulong panel, uint triangular, ulong rows_of_all, ulong
   for (uint i = 0; i < NR * NR; i += VW) storev(loadv(top + i), W + i);
   for (ulong begin = 0; begin < rows; begin += SUM_ROWS) {
     const ulong end = min(begin + SUM_ROWS, rows);
-    for (uint column = 0; column < NR; column += 4) {
+    for (uint column = 0; column < NR; column += MR) {
       __global const real* v = V + begin * NR + column;
       __global const real* c = C + begin * NR;
       FOR_ROWS(DECLARE)
       for (ulong r = begin; r < end; ++r, v += NR, c += NR) {
-        const realv c0 = loadv(c), c1 = loadv(c + VW), c2 = loadv(c + 2 * VW);
+        const realv b0 = loadv(c), b1 = loadv(c + VW), b2 = loadv(c + 2 * VW);
         FOR_ROWS(ADD_W)
       }
       FOR_ROWS(STORE_W)
@@ -372,13 +361,13 @@ __kernel void apply_panel(ulong panel, uint triangular, ulong rows_of_all, ulong
   }
 
   // C -= Vb W
-  for (ulong r = 0; r < rows; r += 4) {
+  for (ulong r = 0; r < rows; r += MR) {
     __global const real* v = V + r * NR;
     __global real* c = C + r * NR;
     FOR_ROWS(LOAD_C)
     for (uint k = 0; k < NR; ++k) {
-      const realv w0 = loadv(W + k * NR), w1 = loadv(W + k * NR + VW), w2 = loadv(W + k * NR + 2 * VW);
-      FOR_ROWS(SUBTRACT)
+      const realv b0 = loadv(W + k * NR), b1 = loadv(W + k * NR + VW), b2 = loadv(W + k * NR + 2 * VW);
+      FOR_ROWS(ADD_C)
     }
     FOR_ROWS(STORE_C)
   }

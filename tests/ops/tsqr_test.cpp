@@ -1,7 +1,7 @@
 // The triangular factor of a tall matrix against an SVD and the Gram matrix in double, at sizes
-// about the panel (24 columns in f32, 12 in f64), the block (1024 rows), the batch (8192) and
-// the levels of the tree (131072 rows, and 2^21), for matrices of any rank, condition and
-// magnitude.
+// about the panel (24 or 48 columns in f32, 12 or 24 in f64), the block (1024 rows), the batch
+// (8192) and the levels of the tree (131072 rows, and 2^21), for matrices of any rank, condition
+// and magnitude.
 #include "weft/ops/tsqr.hpp"
 
 #include <gtest/gtest.h>
@@ -153,15 +153,16 @@ using Reals = testing::Types<float, double>;
 TYPED_TEST_SUITE(Tsqr, Reals);
 
 TYPED_TEST(Tsqr, SmallOfAnyShape) {
-  expect_factor(random_matrix<TypeParam>(30, 26, 1));
+  expect_factor(random_matrix<TypeParam>(30, 50, 1));
+  expect_factor(random_matrix<TypeParam>(60, 26, 1));
   expect_factor(random_matrix<TypeParam>(7, 5, 2));
   expect_factor(random_matrix<TypeParam>(3, 27, 3));
   expect_factor(random_matrix<TypeParam>(1, 1, 4));
 }
 
 TYPED_TEST(Tsqr, StraddlesThePanel) {
-  for (const std::size_t m : Sizes{1, 2, 11, 12, 13, 23, 24, 25, 36, 47, 48, 49, 73}) {
-    for (const std::size_t K : Sizes{1, 2, 3, 4, 5, 24, 50, 127, 128, 129, 130}) {
+  for (const std::size_t m : Sizes{1, 2, 11, 12, 13, 23, 24, 25, 36, 47, 48, 49, 73, 97}) {
+    for (const std::size_t K : Sizes{1, 2, 3, 4, 5, 7, 8, 9, 24, 50, 127, 128, 129, 130}) {
       expect_factor(random_matrix<TypeParam>(K, m, 5));
     }
   }

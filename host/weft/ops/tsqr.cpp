@@ -44,7 +44,7 @@ Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arith
   // Few columns: work for many units comes from many chains; many columns: from the panels.
   shape.chains = m <= 1024 ? 8 : m <= 2048 ? 4 : 2;
   // Merging costs m / (48 b) of the reduction.
-  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 4), 1024, 2048);
+  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 8), 1024, 2048);
   shape.block = shape.panels * shape.width * shape.rows;
   shape.triangle = shape.width * shape.width * (shape.panels * (shape.panels + 1) / 2);
   return shape;
@@ -90,11 +90,13 @@ void Tsqr::reduce(const Operands& o, std::size_t chains, bool triangular, std::s
   const cl_kernel factor = device_.kernel(kernel_sources::tsqr, options, "factor_panel");
   const cl_kernel apply = device_.kernel(kernel_sources::tsqr, options, "apply_panel");
   for (std::size_t panel = 0; panel < shape_.panels; ++panel) {
-    for (const cl_kernel kernel : {factor, apply}) {
+    const auto set = [&](cl_kernel kernel, const auto&... more) {
       set_arguments(kernel, ulong(panel), cl_uint{triangular}, ulong(rows), ulong(shape_.rows),
                     *o.R, ulong(o.r_offset), ulong(o.r_step), *o.B, ulong(o.b_offset),
-                    ulong(o.b_step), factors_);
-    }
+                    ulong(o.b_step), factors_, more...);
+    };
+    set(factor, ulong(m_));
+    set(apply);
     launch_items(device_, factor, chains);
     launch_items(device_, apply, shape_.panels - panel - 1, chains);
   }
