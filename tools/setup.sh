@@ -3,7 +3,8 @@
 #
 #   sh tools/setup.sh            packages to build and run the program
 #   sh tools/setup.sh --tests    also those of the tests and of the style checks
-#   sh tools/setup.sh --check    (with or without --tests) only says what is missing; status 1 if
+#   sh tools/setup.sh --peers    also the libraries that weft_peers compares with
+#   sh tools/setup.sh --check    (with or without the others) only says what is missing; status 1 if
 #                                anything is
 #
 # Uses sudo when not run as root. Asks nothing.
@@ -17,14 +18,18 @@ build_packages="
 test_packages="
   libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy"
 
+peer_packages="
+  libopenblas-pthread-dev libclblast-dev"
+
 check=no
 packages=$build_packages
 for argument in "$@"; do
   case $argument in
     --check) check=yes ;;
-    --tests) packages="$build_packages $test_packages" ;;
+    --tests) packages="$packages $test_packages" ;;
+    --peers) packages="$packages $peer_packages" ;;
     *)
-      echo "usage: sh tools/setup.sh [--check] [--tests]" >&2
+      echo "usage: sh tools/setup.sh [--check] [--tests] [--peers]" >&2
       exit 2
       ;;
   esac

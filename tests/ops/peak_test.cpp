@@ -26,24 +26,36 @@ double iterated(std::size_t lane, std::uint64_t rounds, double a, double b) {
   return sum;
 }
 
-TEST(Peak, SmallMultiplyAddsAreAllDone) {
+template <typename Real>
+void expect_multiply_adds(Arithmetic arithmetic, double roundoff) {
   Device device("auto");
+  if (arithmetic == Arithmetic::f64 && !device.limits().has_fp64) return;
   for (const std::uint64_t rounds : {0, 1, 7, 100}) {
-    const std::size_t items = 3;
-    test::GuardedBuffer out(device, items * 8 * sizeof(float), "sums");
-    const cl_kernel kernel = device.kernel(kernel_sources::peak, "", "peak_fma");
-    set_arguments(kernel, rounds, 0.5f, 0.25f, out.buffer());
+    const std::size_t items = 3, lanes = ops::vector_width(device, arithmetic);
+    test::GuardedBuffer out(device, items * lanes * sizeof(Real), "sums");
+    const cl_kernel kernel =
+        device.kernel(kernel_sources::peak, ops::vector_option(device, arithmetic), "peak_fma");
+    set_arguments(kernel, rounds, Real{0.5}, Real{0.25}, out.buffer());
     ops::launch_items(device, kernel, items);
-    std::vector<double> expected(items * 8);
+    std::vector<double> expected(items * lanes);
     for (std::size_t i = 0; i < expected.size(); ++i) {
-      expected[i] = iterated(i % 8, rounds, 0.5, 0.25);
+      expected[i] = iterated(i % lanes, rounds, 0.5, 0.25);
     }
-    // a start of one rounded sum, rounds of one rounding each, and the sum of twelve below 12
-    const double tolerance =
-        12 * 12 * test::gamma(static_cast<double>(rounds) + 14, test::float_roundoff);
-    EXPECT_TRUE(test::all_near(out.values<float>(), expected, tolerance)) << rounds;
+    // a start of a rounded product and sum, rounds of one rounding each, and the sum of twelve
+    // below 14; the tenth itself is a float
+    const double tolerance = 12 * 14 * test::gamma(static_cast<double>(rounds) + 15, roundoff) +
+                             12 * 1.5 * test::float_roundoff;
+    EXPECT_TRUE(test::all_near(out.values<Real>(), expected, tolerance)) << rounds;
     EXPECT_TRUE(out.intact());
   }
+}
+
+TEST(Peak, SmallMultiplyAddsAreAllDone) {
+  expect_multiply_adds<float>(Arithmetic::f32, test::float_roundoff);
+}
+
+TEST(Peak, SmallMultiplyAddsInDoubleAreAllDone) {
+  expect_multiply_adds<double>(Arithmetic::f64, test::double_roundoff);
 }
 
 TEST(Peak, SmallCopyCopiesAll) {
@@ -65,6 +77,7 @@ TEST(Peak, FiguresArePositive) {
   Device device("auto");
   const ops::Peaks peaks = ops::measure_peaks(device, 1);
   EXPECT_TRUE(std::isfinite(peaks.flops) && peaks.flops > 0);
+  EXPECT_EQ(peaks.double_flops > 0, device.limits().has_fp64);
   EXPECT_TRUE(std::isfinite(peaks.bandwidth) && peaks.bandwidth > 0);
 }
 

@@ -45,7 +45,8 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
     EXPECT_TRUE(rows.emplace(row.at("operation"), row.at("shape")).second) << row;
   }
   for (const char* kernel : {"gemm", "scan_tile", "convert_tile", "error_sums", "transcode_tile",
-                             "decode_pca", "orthonormalise", "tsqr", "weave_hits", "weave_shade"}) {
+                             "decode_pca", "orthonormalise", "tsqr", "weave_hits", "weave_shade",
+                             "syrk_packed", "convert_tile_transposed", "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }
 }

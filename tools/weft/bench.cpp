@@ -49,13 +49,14 @@ Cell known(double amount, double value) {
 }
 
 std::vector<Cell> row_of(const Benchmark& benchmark, const Times& times, const ops::Peaks& peaks) {
-  const double bound = std::max(benchmark.flops / peaks.flops, benchmark.bytes / peaks.bandwidth);
+  const double peak_flops = benchmark.fp64 ? peaks.double_flops : peaks.flops;
+  const double bound = std::max(benchmark.flops / peak_flops, benchmark.bytes / peaks.bandwidth);
   return {text_cell(benchmark.operation),
           text_cell(benchmark.shape),
           number_cell(times.least * 1e3),
           number_cell(times.median * 1e3),
           known(benchmark.flops, benchmark.flops / times.least * 1e-9),
-          known(benchmark.flops, benchmark.flops / times.least / peaks.flops),
+          known(benchmark.flops, benchmark.flops / times.least / peak_flops),
           known(benchmark.bytes, benchmark.bytes / times.least * 1e-9),
           known(benchmark.bytes, benchmark.bytes / times.least / peaks.bandwidth),
           number_cell(bound / times.least)};
@@ -78,11 +79,15 @@ void run_bench(const BenchOptions& options) {
   }
   const ops::Peaks after = ops::measure_peaks(*device);
   peaks.flops = std::max(peaks.flops, after.flops);
+  peaks.double_flops = std::max(peaks.double_flops, after.double_flops);
   peaks.bandwidth = std::max(peaks.bandwidth, after.bandwidth);
 
   Report report;
   report.add("device", device->limits().name);
   report.add("peak_fma", peaks.flops * 1e-9, "GFLOP/s");
+  if (peaks.double_flops > 0) {
+    report.add("peak_fma_double", peaks.double_flops * 1e-9, "GFLOP/s");
+  }
   report.add("peak_copy", peaks.bandwidth * 1e-9, "GB/s");
   std::vector<std::vector<Cell>> rows;
   for (const auto& [benchmark, times] : measured) rows.push_back(row_of(benchmark, times, peaks));

@@ -24,20 +24,30 @@ double fastest(Device& device, std::size_t repeat, const std::function<void()>& 
   return best;
 }
 
+// Flops per second of multiply-adds in registers.
+double measure_fma(Device& device, Arithmetic arithmetic, std::size_t repeat) {
+  constexpr std::size_t rounds = 100000;
+  const std::size_t lanes = vector_width(device, arithmetic);
+  const double flops_per_round = 2.0 * 12 * static_cast<double>(lanes);
+  const std::size_t items = device.limits().compute_units * 16;
+  Buffer out(device, items * lanes * size_of(arithmetic), "peak");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::peak, vector_option(device, arithmetic), "peak_fma");
+  with_real(arithmetic, [&](auto zero) {
+    using Real = decltype(zero);
+    set_arguments(kernel, ulong(rounds), Real{0.999f}, Real{0.001f}, out);
+  });
+  const double seconds = fastest(device, repeat, [&] { launch_items(device, kernel, items); });
+  return static_cast<double>(items) * static_cast<double>(rounds) * flops_per_round / seconds;
+}
+
 }  // namespace
 
 Peaks measure_peaks(Device& device, std::size_t repeat) {
   Peaks peaks;
-  {
-    constexpr std::size_t rounds = 100000;
-    constexpr double flops_per_round = 2.0 * 12 * 8;
-    const std::size_t items = device.limits().compute_units * 16;
-    Buffer out(device, items * 8 * sizeof(float), "peak");
-    const cl_kernel kernel = device.kernel(kernel_sources::peak, "", "peak_fma");
-    set_arguments(kernel, ulong(rounds), 0.999f, 0.001f, out);
-    const double seconds = fastest(device, repeat, [&] { launch_items(device, kernel, items); });
-    peaks.flops =
-        static_cast<double>(items) * static_cast<double>(rounds) * flops_per_round / seconds;
+  peaks.flops = measure_fma(device, Arithmetic::f32, repeat);
+  if (device.limits().has_fp64) {
+    peaks.double_flops = measure_fma(device, Arithmetic::f64, repeat);
   }
   {
     const std::size_t bytes =

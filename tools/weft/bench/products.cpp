@@ -1,4 +1,4 @@
-// Matrix products.
+// Matrix products and Gram matrices.
 #include <fmt/core.h>
 
 #include <memory>
@@ -6,23 +6,51 @@
 #include "bench/benchmark.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
+#include "weft/ops/syrk.hpp"
 
 namespace weft {
 namespace {
 
+Buffer random_matrix(Device& device, std::size_t elements, Arithmetic arithmetic) {
+  return arithmetic == Arithmetic::f32 ? random_buffer(device, elements, "matrix")
+                                       : random_doubles(device, elements, "matrix");
+}
+
 // C = A B of row-major matrices, packing included.
-Benchmark product(std::size_t M, std::size_t N, std::size_t K) {
+Benchmark product(std::size_t M, std::size_t N, std::size_t K,
+                  Arithmetic arithmetic = Arithmetic::f32) {
   const auto m = static_cast<double>(M), n = static_cast<double>(N), k = static_cast<double>(K);
-  Benchmark benchmark{"gemm", fmt::format("{} x {} x {}", M, N, K), 2 * m * n * k,
-                      4 * (m * k + k * n + m * n)};
+  const std::size_t size = size_of(arithmetic);
+  Benchmark benchmark{arithmetic == Arithmetic::f32 ? "gemm" : "gemm (double)",
+                      fmt::format("{} x {} x {}", M, N, K), 2 * m * n * k,
+                      static_cast<double>(size) * (m * k + k * n + m * n)};
+  benchmark.fp64 = arithmetic == Arithmetic::f64;
   benchmark.prepare = [=](Device& device) -> Run {
-    const auto A = std::make_shared<Buffer>(random_buffer(device, M * K, "A"));
-    const auto B = std::make_shared<Buffer>(random_buffer(device, K * N, "B"));
-    const auto C = std::make_shared<Buffer>(device, M * N * sizeof(float), "C");
+    const auto A = std::make_shared<Buffer>(random_matrix(device, M * K, arithmetic));
+    const auto B = std::make_shared<Buffer>(random_matrix(device, K * N, arithmetic));
+    const auto C = std::make_shared<Buffer>(device, M * N * size, "C");
     return [=, &device] {
-      ops::gemm(device, M, N, K, 1, ops::row_major(device, *A, K), ops::row_major(device, *B, N), 0,
-                ops::to_row_major(device, *C, N));
+      ops::gemm(device, M, N, K, 1, ops::row_major(device, *A, K, 0, arithmetic),
+                ops::row_major(device, *B, N, 0, arithmetic), 0,
+                ops::to_row_major(device, *C, N, 0, arithmetic));
     };
+  };
+  return benchmark;
+}
+
+// C += X^T X of packed panels: K rows and m columns.
+Benchmark gram_matrix(std::size_t m, std::size_t K, Arithmetic arithmetic = Arithmetic::f32) {
+  const auto columns = static_cast<double>(m), rows = static_cast<double>(K);
+  const std::size_t size = size_of(arithmetic);
+  Benchmark benchmark{arithmetic == Arithmetic::f32 ? "syrk_packed" : "syrk_packed (double)",
+                      fmt::format("{} x {}", m, K), columns * (columns + 1) * rows,
+                      static_cast<double>(size) * (columns * rows + columns * columns)};
+  benchmark.fp64 = arithmetic == Arithmetic::f64;
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto X = std::make_shared<Buffer>(
+        random_matrix(device, ops::packed_elements(device, K, m, arithmetic), arithmetic));
+    const auto C = std::make_shared<Buffer>(zero_buffer(device, m * m * size, "C"));
+    return [=, &device] { ops::syrk_packed(device, m, K, 1, *X, 1, *C, m, arithmetic); };
   };
   return benchmark;
 }
@@ -62,7 +90,13 @@ std::vector<Benchmark> product_benchmarks() {
       product(512, 512, 512),
       product(2048, 2048, 2048),
       product(2001, 2001, 2001),
+      product(100000, 256, 300),
       product(100000, 300, 64),
+      product(1024, 1024, 1024, Arithmetic::f64),
+      gram_matrix(2048, 2048),
+      gram_matrix(81, 250000),
+      gram_matrix(243, 130000),
+      gram_matrix(1024, 1024, Arithmetic::f64),
       {"gemm, W = A^T Q", "192 x 72 x 16384", pass_flops, pass_bytes, false, images_times_basis},
       {"gemm, Y^T += W^T A^T", "72 x 16384 x 192", pass_flops, pass_bytes, false,
        texels_from_images},

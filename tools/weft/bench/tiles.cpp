@@ -1,6 +1,7 @@
 // Operations on raw tiles.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 
@@ -15,7 +16,11 @@ struct TileData {
   TileData(Device& device, const ops::TileShape& tile)
       : raw(zero_buffer(device, tile.values() * size_of(tile.dtype), "raw")),
         mean(zero_buffer(device, tile.rows() * sizeof(float), "mean")),
-        panels(zero_buffer(device, ops::panel_elements(device, tile) * sizeof(float), "panels")),
+        panels(zero_buffer(device,
+                           std::max(ops::panel_elements(device, tile),
+                                    ops::transposed_panel_elements(device, tile)) *
+                               sizeof(float),
+                           "panels")),
         decoded(zero_buffer(device, tile.values() * sizeof(float), "decoded")) {}
   Buffer raw, mean, panels, decoded;
 };
@@ -57,6 +62,11 @@ std::vector<Benchmark> tile_benchmarks() {
         "convert_tile", tile, 2, size + 4, [](Device& device, const Tile& shape, TileData& data) {
           ops::convert_tile(device, shape, data.raw, data.mean, 0, 1.0f, data.panels);
         }));
+    benchmarks.push_back(on_tile("convert_tile_transposed", tile, 2, size + 4,
+                                 [](Device& device, const Tile& shape, TileData& data) {
+                                   ops::convert_tile_transposed(device, shape, data.raw, data.mean,
+                                                                0, 1.0f, data.panels);
+                                 }));
     benchmarks.push_back(on_tile("error_sums", tile, 7, size + 4,
                                  [](Device& device, const Tile& shape, TileData& data) {
                                    ops::error_sums(device, shape, data.raw, data.decoded, 1.0f);
