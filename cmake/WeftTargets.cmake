@@ -28,7 +28,8 @@ function(weft_add_library name)
 endfunction()
 
 # Kernel files that others include.
-set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
+set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
                          ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl)
 

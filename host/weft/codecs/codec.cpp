@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 
+#include "weft/codecs/lpca.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
@@ -11,7 +12,7 @@
 namespace weft {
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 2> table{&pca_codec(), &view_pca_codec()};
+  static const std::array<const Codec*, 3> table{&pca_codec(), &view_pca_codec(), &lpca_codec()};
   return table;
 }
 

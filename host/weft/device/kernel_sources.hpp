@@ -9,7 +9,9 @@ struct KernelSource {
 };
 
 namespace kernel_sources {
+extern const KernelSource cluster_products;
 extern const KernelSource convert_tile;
+extern const KernelSource decode_lpca;
 extern const KernelSource decode_pca;
 extern const KernelSource error_sums;
 extern const KernelSource gemm;

@@ -1,0 +1,250 @@
+#include "weft/codecs/lpca.hpp"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "weft/codecs/fit_lpca.hpp"
+#include "weft/error.hpp"
+#include "weft/ops/decode_lpca.hpp"
+#include "weft/ops/launch.hpp"
+#include "weft/reference/lpca.hpp"
+
+namespace weft {
+namespace {
+
+const LpcaModel& as_lpca(const Model& model) {
+  return dynamic_cast<const LpcaModel&>(model);
+}
+
+class LpcaDeviceDecoder final : public DeviceDecoder {
+ public:
+  LpcaDeviceDecoder(Device& device, const LpcaModel& model)
+      : device_(device), shape_(model.info.btf.shape), rank_(model.rank) {
+    const std::size_t n = shape_.images() * shape_.channels;
+    const std::size_t clusters = model.ranks.size();
+    const std::size_t width = ops::panel_width(device);
+    std::vector<std::uint32_t> labels(shape_.texels());
+    for (std::size_t p = 0; p < labels.size(); ++p) {
+      labels[p] = static_cast<std::uint32_t>(model.clusters[p]);
+    }
+    const ops::ClusterPanels panels = ops::cluster_panels(labels, clusters, width);
+    panels_ = panels.count();
+    order_ = Buffer(device, panels.order.size() * sizeof(std::uint32_t), "order of texels");
+    table_ = Buffer(device, panels.panels.size() * sizeof(std::uint32_t), "panels");
+    device.write(order_, std::span<const std::uint32_t>(panels.order));
+    device.write(table_, std::span<const std::uint32_t>(panels.panels));
+    mean_ = Buffer(device, model.mean.size() * sizeof(float), "means");
+    device.write(mean_, std::span<const float>(model.mean));
+
+    // A by panels of texels of one cluster
+    std::vector<float> A(panels_ * rank_ * width, 0.0f);
+    for (std::size_t panel = 0; panel < panels_; ++panel) {
+      for (std::size_t slot = 0; slot < panels.panels[2 * panel + 1]; ++slot) {
+        const std::size_t p = panels.order[panel * width + slot];
+        for (std::size_t j = 0; j < rank_; ++j) {
+          A[(panel * rank_ + j) * width + slot] = model.coefficients[p * rank_ + j];
+        }
+      }
+    }
+    A_ = Buffer(device, A.size() * sizeof(float), "coefficients");
+    if (rank_ > 0) device.write(A_, std::span<const float>(A));
+
+    // B with the k coefficients of an image's channel side by side, zero past a cluster's rank
+    B_ = Buffer(device, clusters * n * rank_ * sizeof(float), "bases");
+    const std::vector<std::size_t> offsets = model.offsets();
+    std::vector<float> rows(n * rank_);
+    for (std::size_t g = 0; g < clusters && rank_ > 0; ++g) {
+      std::fill(rows.begin(), rows.end(), 0.0f);
+      for (std::size_t i = offsets[g]; i < offsets[g + 1]; ++i) {
+        for (std::size_t r = 0; r < n; ++r) {
+          rows[r * rank_ + i - offsets[g]] = model.basis[i * n + r];
+        }
+      }
+      device.write(B_, std::span<const float>(rows), g * rows.size());
+    }
+  }
+
+  void decode(std::size_t first, std::size_t count, Buffer& out) override {
+    ops::decode_lpca(
+        device_, {shape_.images(), first, count, shape_.texels(), shape_.channels, rank_, panels_},
+        order_, table_, A_, B_, mean_, out);
+  }
+
+  double image_flops() const override {
+    return 2.0 * static_cast<double>(shape_.image_values()) * static_cast<double>(rank_);
+  }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+  std::size_t rank_;
+  std::size_t panels_ = 0;
+  Buffer order_;
+  Buffer table_;
+  Buffer mean_;
+  Buffer A_;
+  Buffer B_;
+};
+
+class LpcaReferenceDecoder final : public ReferenceDecoder {
+ public:
+  explicit LpcaReferenceDecoder(const LpcaModel& model) : model_(model) {}
+  void decode(std::size_t first, std::size_t count, std::span<double> out) override {
+    reference::decode_lpca(model_, first, count, out);
+  }
+
+ private:
+  const LpcaModel& model_;
+};
+
+class LpcaCodec final : public Codec {
+ public:
+  std::string_view name() const override { return "lpca"; }
+  std::string_view summary() const override {
+    return "clusters of texels, each with its mean and principal components";
+  }
+  std::span<const ParameterSpec> parameters() const override {
+    static constexpr std::array<ParameterSpec, 3> specs{
+        {{"rank", "8", "number of components k per cluster"},
+         {"clusters", "32", "number of clusters"},
+         {"iterations", "10", "most rounds of assignment on the data"}}};
+    return specs;
+  }
+
+  std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
+                                Storage storage, Job& job) const override {
+    const LpcaOptions options = lpca_options(parameters);
+    job.plan(plan_lpca(device, source, options));
+    LpcaFit fit = fit_lpca(device, source, options, job);
+    job.notes.push_back(fmt::format("clustered in {} global components ({}), {} iterations there",
+                                    fit.reduced_rank, fit.svd, fit.reduced_errors.size()));
+    note_errors(fit.errors, job);
+    return finish(std::move(fit.model), source.info(), options, storage, job);
+  }
+
+  std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                          Storage storage, Job& job) const override {
+    const LpcaOptions options = lpca_options(parameters);
+    reference::LpcaFit fit =
+        reference::encode_lpca(source, {options.clusters, options.rank, options.iterations}, job);
+    note_errors(fit.errors, job);
+    return finish(std::move(fit.model), source.info(), options, storage, job);
+  }
+
+  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+    return as_lpca(model).select(selection);
+  }
+
+  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+    return std::make_unique<LpcaDeviceDecoder>(device, as_lpca(model));
+  }
+
+  // Factors and lists on the device, the padded coefficients and one basis also made ready on the
+  // host.
+  std::size_t decoder_bytes(const Model& model) const override {
+    const LpcaModel& lpca = as_lpca(model);
+    constexpr std::size_t widest_panel = 48;
+    const BtfShape& shape = model.info.btf.shape;
+    const std::size_t clusters = lpca.ranks.size();
+    const std::size_t n = shape.images() * shape.channels;
+    const std::size_t slots =
+        widest_panel * ops::most_cluster_panels(shape.texels(), clusters, widest_panel);
+    return (lpca.mean.size() + (clusters + 1) * n * lpca.rank) * sizeof(float) +
+           2 * slots * (lpca.rank * sizeof(float) + 2 * sizeof(std::uint32_t));
+  }
+
+  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+    return std::make_unique<LpcaReferenceDecoder>(as_lpca(model));
+  }
+
+  // As for `pca`, cluster by cluster: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).
+  double decode_tolerance(const Model& model) const override {
+    const LpcaModel& lpca = as_lpca(model);
+    const std::size_t clusters = lpca.ranks.size();
+    const std::size_t n = lpca.mean.size() / clusters;
+    const std::vector<std::size_t> offsets = lpca.offsets();
+    std::vector<double> rows(clusters, 0.0);
+    for (std::size_t p = 0; p < lpca.clusters.size(); ++p) {
+      double square = 0;
+      for (std::size_t j = 0; j < lpca.rank; ++j) {
+        square += std::pow(double{lpca.coefficients[p * lpca.rank + j]}, 2);
+      }
+      double& largest = rows[lpca.clusters[p]];
+      largest = std::max(largest, std::sqrt(square));
+    }
+    double size = 0;
+    for (std::size_t g = 0; g < clusters; ++g) {
+      double largest_mean = 0;
+      double largest_column = 0;
+      for (std::size_t r = 0; r < n; ++r) {
+        largest_mean = std::max(largest_mean, std::abs(double{lpca.mean[g * n + r]}));
+        double square = 0;
+        for (std::size_t i = offsets[g]; i < offsets[g + 1]; ++i) {
+          square += std::pow(double{lpca.basis[i * n + r]}, 2);
+        }
+        largest_column = std::max(largest_column, std::sqrt(square));
+      }
+      size = std::max(size, largest_mean + rows[g] * largest_column);
+    }
+    const double terms = static_cast<double>(lpca.rank + 1);
+    // Each operation on subnormal values may round by half a step of 2^-149 beside.
+    return terms * 0x1p-24 / (1 - terms * 0x1p-24) * size + terms * 0x1p-149;
+  }
+
+  std::unique_ptr<Model> read(const ModelFile& file) const override {
+    return LpcaModel::read(file);
+  }
+
+ private:
+  LpcaOptions lpca_options(const Parameters& parameters) const {
+    LpcaOptions options;
+    options.rank = count_parameter(*this, parameters, "rank", 1);
+    options.clusters = count_parameter(*this, parameters, "clusters", 1);
+    options.iterations = count_parameter(*this, parameters, "iterations", 0);
+    return options;
+  }
+
+  static void note_errors(const std::vector<double>& errors, Job& job) {
+    std::vector<std::string> texts;
+    for (const double error : errors) {
+      texts.push_back(error > 0 ? fmt::format("{:.4g}", error) : std::string("below 1e-3"));
+    }
+    job.notes.push_back(
+        fmt::format("relative error of each fit to the data: {}", fmt::join(texts, ", ")));
+  }
+
+  std::unique_ptr<Model> finish(std::unique_ptr<LpcaModel> model, const BtfInfo& info,
+                                const LpcaOptions& options, Storage storage, Job& job) const {
+    const std::size_t kept = model->ranks.size();
+    if (kept < options.clusters) {
+      job.notes.push_back(fmt::format("{} clusters asked, {} kept: the data has no use for more",
+                                      options.clusters, kept));
+    }
+    if (model->rank < options.rank) {
+      job.notes.push_back(
+          fmt::format("rank {} asked, {} kept: no cluster holds more", options.rank, model->rank));
+    }
+    model->info.codec = name();
+    model->info.parameters = fmt::format(
+        R"({{"clusters":{},"rank":{},"iterations":{},"kept_clusters":{},"kept_rank":{}}})",
+        options.clusters, options.rank, options.iterations, kept, model->rank);
+    model->info.storage = storage;
+    model->info.btf = info;
+    model->round_to_storage();
+    return model;
+  }
+};
+
+}  // namespace
+
+const Codec& lpca_codec() {
+  static const LpcaCodec codec;
+  return codec;
+}
+
+}  // namespace weft
