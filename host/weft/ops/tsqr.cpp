@@ -41,11 +41,14 @@ Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arith
   Shape shape;
   shape.width = panel_width(device, arithmetic);
   shape.panels = ceil_div(m, shape.width);
-  // Few columns: work for many units comes from many chains; many columns: from the panels.
-  shape.chains = m <= 1024 ? 8 : m <= 2048 ? 4 : 2;
   // Merging costs m / (48 b) of the reduction.
   shape.rows = std::clamp<std::size_t>(round_up(m / 2, 8), 1024, 2048);
   shape.block = shape.panels * shape.width * shape.rows;
+  // Few columns: work for many units comes from many chains. Many columns: it comes from their
+  // panels, and the chains' blocks share the last cache.
+  constexpr std::size_t cached_bytes = std::size_t{16} << 20;
+  const std::size_t cached = cached_bytes / (shape.block * size_of(arithmetic));
+  shape.chains = cached >= 8 ? 8 : cached >= 4 ? 4 : 2;
   shape.triangle = shape.width * shape.width * (shape.panels * (shape.panels + 1) / 2);
   return shape;
 }
