@@ -71,15 +71,19 @@ void expect_decoded(const Case& c, std::size_t first, std::size_t count, double 
   // At rank 0 there is nothing in A and B; the kernel must not look there.
   std::vector<float> right = B;
   right.resize(std::max<std::size_t>(right.size(), 1), unused);
-  GuardedBuffer order(device, std::span<const std::uint32_t>(panels.order), "order");
+  GuardedBuffer slots(device, std::span<const std::uint32_t>(panels.slots), "slots");
   GuardedBuffer table(device, std::span<const std::uint32_t>(panels.panels), "panels");
   GuardedBuffer a(device, std::span<const float>(sorted), "A");
   GuardedBuffer b(device, std::span<const float>(right), "B");
   GuardedBuffer mean(device, std::span<const float>(means), "mean");
   GuardedBuffer out(device, count * texels * c.channels * sizeof(float), "images");
-  ops::decode_lpca(device, {c.images, first, count, texels, c.channels, c.rank, panels.count()},
-                   order.buffer(), table.buffer(), a.buffer(), b.buffer(), mean.buffer(),
-                   out.buffer());
+  const ops::DecodeLpcaShape shape{c.images,   first,  count,         texels,
+                                   c.channels, c.rank, panels.count()};
+  const std::vector<float> zeros(ops::decode_lpca_bytes(device, shape) / sizeof(float), 0.0f);
+  GuardedBuffer scratch(device, std::span<const float>(zeros), "sorted texels");
+  ops::decode_lpca(device, shape, table.buffer(), slots.buffer(), a.buffer(), b.buffer(),
+                   mean.buffer(), scratch.buffer(), out.buffer());
+  EXPECT_TRUE(scratch.intact());
   const std::vector<float> values = out.values<float>();
   EXPECT_TRUE(out.intact());
 
@@ -118,6 +122,9 @@ TEST(ClusterPanels, SmallHoldEveryTexelOnceClusterByCluster) {
           for (std::size_t slot = 0; slot < 24; ++slot) {
             const std::uint32_t p = panels.order[panel * 24 + slot];
             EXPECT_EQ(label[p], g);
+            if (slot < panels.panels[2 * panel + 1]) {
+              EXPECT_EQ(panels.slots[p], panel * 24 + slot);
+            }
             if (slot < panels.panels[2 * panel + 1]) {
               EXPECT_TRUE(seen.insert(p).second);
             }

@@ -34,9 +34,9 @@ class LpcaDeviceDecoder final : public DeviceDecoder {
     }
     const ops::ClusterPanels panels = ops::cluster_panels(labels, clusters, width);
     panels_ = panels.count();
-    order_ = Buffer(device, panels.order.size() * sizeof(std::uint32_t), "order of texels");
+    slots_ = Buffer(device, panels.slots.size() * sizeof(std::uint32_t), "slots of texels");
     table_ = Buffer(device, panels.panels.size() * sizeof(std::uint32_t), "panels");
-    device.write(order_, std::span<const std::uint32_t>(panels.order));
+    device.write(slots_, std::span<const std::uint32_t>(panels.slots));
     device.write(table_, std::span<const std::uint32_t>(panels.panels));
     mean_ = Buffer(device, model.mean.size() * sizeof(float), "means");
     device.write(mean_, std::span<const float>(model.mean));
@@ -67,12 +67,13 @@ class LpcaDeviceDecoder final : public DeviceDecoder {
       }
       device.write(B_, std::span<const float>(rows), g * rows.size());
     }
+    // Its end is read beside the last texel, though not used.
+    sorted_ = Buffer(device, ops::decode_lpca_bytes(device, shape(0, 0)), "sorted texels");
+    device.fill_zero(sorted_, 0, sorted_.size());
   }
 
   void decode(std::size_t first, std::size_t count, Buffer& out) override {
-    ops::decode_lpca(
-        device_, {shape_.images(), first, count, shape_.texels(), shape_.channels, rank_, panels_},
-        order_, table_, A_, B_, mean_, out);
+    ops::decode_lpca(device_, shape(first, count), table_, slots_, A_, B_, mean_, sorted_, out);
   }
 
   double image_flops() const override {
@@ -80,12 +81,17 @@ class LpcaDeviceDecoder final : public DeviceDecoder {
   }
 
  private:
+  ops::DecodeLpcaShape shape(std::size_t first, std::size_t count) const {
+    return {shape_.images(), first, count, shape_.texels(), shape_.channels, rank_, panels_};
+  }
+
   Device& device_;
   BtfShape shape_;
   std::size_t rank_;
   std::size_t panels_ = 0;
-  Buffer order_;
   Buffer table_;
+  Buffer slots_;
+  Buffer sorted_;
   Buffer mean_;
   Buffer A_;
   Buffer B_;
@@ -154,7 +160,10 @@ class LpcaCodec final : public Codec {
     const std::size_t n = shape.images() * shape.channels;
     const std::size_t slots =
         widest_panel * ops::most_cluster_panels(shape.texels(), clusters, widest_panel);
-    return (lpca.mean.size() + (clusters + 1) * n * lpca.rank) * sizeof(float) +
+    const std::size_t image = slots * shape.channels * sizeof(float);
+    const std::size_t sorted =
+        std::min(std::max(ops::decode_lpca_cached_bytes, image), shape.images() * image) + 16;
+    return (lpca.mean.size() + (clusters + 1) * n * lpca.rank) * sizeof(float) + sorted +
            2 * slots * (lpca.rank * sizeof(float) + 2 * sizeof(std::uint32_t));
   }
 

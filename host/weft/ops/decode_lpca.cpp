@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <string>
 
 #include "weft/ops/launch.hpp"
 
@@ -10,6 +11,7 @@ namespace weft::ops {
 namespace {
 constexpr std::size_t block_panels = 4;
 constexpr std::size_t block_images = 16;
+constexpr std::size_t block_texels = 4096;
 }  // namespace
 
 ClusterPanels cluster_panels(std::span<const std::uint32_t> clusters, std::size_t count,
@@ -29,6 +31,7 @@ ClusterPanels cluster_panels(std::span<const std::uint32_t> clusters, std::size_
   }
   result.order.resize(result.count() * width);
   for (std::size_t p = 0; p < clusters.size(); ++p) {
+    result.slots.push_back(static_cast<std::uint32_t>(next[clusters[p]]));
     result.order[next[clusters[p]]++] = static_cast<std::uint32_t>(p);
   }
   for (std::size_t g = 0; g < count; ++g) {
@@ -43,19 +46,37 @@ std::size_t most_cluster_panels(std::size_t texels, std::size_t count, std::size
   return std::min(texels, texels / width + count);
 }
 
-void decode_lpca(Device& device, const DecodeLpcaShape& shape, const Buffer& order,
-                 const Buffer& panels, const Buffer& A, const Buffer& B, const Buffer& mean,
-                 Buffer& out) {
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::decode_lpca,
-                    fmt::format("{} -DCHANNELS={} -DPANELS={} -DIMAGES={}", vector_option(device),
-                                shape.channels, block_panels, block_images),
-                    "decode_lpca");
-  set_arguments(kernel, ulong(shape.texels), ulong(shape.panels), ulong(shape.all_images),
-                ulong(shape.first_image), ulong(shape.images), ulong(shape.rank), order, panels, A,
-                B, mean, out);
-  launch_items(device, kernel, ceil_div(shape.panels, block_panels),
-               ceil_div(shape.images, block_images));
+std::size_t decode_lpca_images(const Device& device, const DecodeLpcaShape& shape) {
+  const std::size_t image = shape.panels * panel_width(device) * shape.channels * sizeof(float);
+  return std::clamp<std::size_t>(decode_lpca_cached_bytes / image, 1, shape.all_images);
+}
+
+std::size_t decode_lpca_bytes(const Device& device, const DecodeLpcaShape& shape) {
+  // and the four values that the last texel's load may touch
+  return (decode_lpca_images(device, shape) * shape.panels * panel_width(device) * shape.channels +
+          4) *
+         sizeof(float);
+}
+
+void decode_lpca(Device& device, const DecodeLpcaShape& shape, const Buffer& panels,
+                 const Buffer& slots, const Buffer& A, const Buffer& B, const Buffer& mean,
+                 Buffer& sorted, Buffer& out) {
+  const std::string options =
+      fmt::format("{} -DCHANNELS={} -DPANELS={} -DIMAGES={} -DTEXELS={}", vector_option(device),
+                  shape.channels, block_panels, block_images, block_texels);
+  const cl_kernel decode = device.kernel(kernel_sources::decode_lpca, options, "decode_lpca");
+  const cl_kernel order = device.kernel(kernel_sources::decode_lpca, options, "order_texels");
+  const std::size_t run = decode_lpca_images(device, shape);
+  for (std::size_t done = 0; done < shape.images; done += run) {
+    const std::size_t images = std::min(run, shape.images - done);
+    set_arguments(decode, ulong(shape.panels), ulong(shape.all_images),
+                  ulong(shape.first_image + done), ulong(images), ulong(shape.rank), panels, A, B,
+                  mean, sorted);
+    launch_items(device, decode, ceil_div(shape.panels, block_panels),
+                 ceil_div(images, block_images));
+    set_arguments(order, ulong(shape.texels), ulong(shape.panels), ulong(done), slots, sorted, out);
+    launch_items(device, order, ceil_div(shape.texels, block_texels), images);
+  }
 }
 
 }  // namespace weft::ops

@@ -17,6 +17,7 @@ struct ClusterPanels {
   std::vector<std::uint32_t> order;   // [panels][width]
   std::vector<std::uint32_t> panels;  // [panels][2]: cluster, slots that are texels
   std::vector<std::size_t> first;     // [clusters + 1]: first panel of each, and the end
+  std::vector<std::uint32_t> slots;   // [P]: the slot of each texel
 
   std::size_t count() const { return panels.size() / 2; }
 };
@@ -38,13 +39,22 @@ struct DecodeLpcaShape {
   std::size_t panels = 0;
 };
 
+// Images are decoded so many at once that their texels, sorted by cluster, stay in the caches until
+// they are put in order; one at least. A function of the shape alone.
+inline constexpr std::size_t decode_lpca_cached_bytes = std::size_t{4} << 20;
+std::size_t decode_lpca_images(const Device& device, const DecodeLpcaShape& shape);
+
+// Bytes of the buffer for the sorted texels.
+std::size_t decode_lpca_bytes(const Device& device, const DecodeLpcaShape& shape);
+
 // out[image, p, c] = mean[g] + sum_j A[p, j] B[g, image, c, j], g the cluster of texel p.
-//   order, panels: those of a ClusterPanels of panel_width(device)
-//   A:    [panels][k][NR], zero in padding
-//   B:    [clusters][all images C][k]; mean: [clusters][all images C]
-//   out:  [images][P][C] floats: images [first_image, first_image + images) of the model
-void decode_lpca(Device& device, const DecodeLpcaShape& shape, const Buffer& order,
-                 const Buffer& panels, const Buffer& A, const Buffer& B, const Buffer& mean,
-                 Buffer& out);
+//   panels, slots: those of a ClusterPanels of panel_width(device)
+//   A:      [panels][k][NR], zero in padding
+//   B:      [clusters][all images C][k]; mean: [clusters][all images C]
+//   sorted: decode_lpca_bytes()
+//   out:    [images][P][C] floats: images [first_image, first_image + images) of the model
+void decode_lpca(Device& device, const DecodeLpcaShape& shape, const Buffer& panels,
+                 const Buffer& slots, const Buffer& A, const Buffer& B, const Buffer& mean,
+                 Buffer& sorted, Buffer& out);
 
 }  // namespace weft::ops
