@@ -51,8 +51,9 @@ __kernel void centre_clusters(ulong rows, ulong first_row, ulong clusters, ulong
         float lanes[NR];
         for (uint slot = 0; slot < NR; ++slot) {
           const uint p = slots[slot];
-          lanes[slot] = slot < valid ? in[(ulong)(p / NR) * rows * NR + p % NR] : 0.0f;
+          lanes[slot] = in[(ulong)(p / NR) * rows * NR + p % NR];
         }
+        for (uint slot = valid; slot < NR; ++slot) lanes[slot] = 0.0f;
         __global float* out = sorted + (panel * rows + row) * NR;
         for (uint slot = 0; slot < NR; slot += 8) {
           const float8 x = vload8(0, lanes + slot);
