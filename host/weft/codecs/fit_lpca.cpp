@@ -15,6 +15,7 @@
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/reference/cluster_seeds.hpp"
+#include "weft/reference/random.hpp"
 
 namespace weft {
 namespace {
@@ -22,6 +23,7 @@ namespace {
 constexpr double least_gain = 1e-3;  // of the error, by which an iteration must improve it
 constexpr std::size_t mean_iterations = 10;
 constexpr std::size_t reduced_iterations = 30;
+constexpr std::size_t reduced_starts = 3;    // of which the best goes on
 constexpr std::size_t most_samples = 16384;  // texels that seeds are chosen from
 
 // Components of the global SVD: enough that what lies outside matters little to which texels are
@@ -146,9 +148,6 @@ Clustering cluster_reduced(Device& device, const BtfShape& shape, const LpcaOpti
   const std::size_t dimension = svd.rank;
   const std::size_t clusters = cluster_count(shape, options);
   const std::vector<double> points = reduced_points(svd, texels, scale);
-  Clustering state;
-  state.labels = seeded_labels(points, dimension, clusters, seed);
-
   // the points as a tile that stays
   const std::size_t width = ops::panel_width(device);
   std::vector<float> panels(ops::packed_elements(device, dimension, texels), 0.0f);
@@ -165,26 +164,31 @@ Clustering cluster_reduced(Device& device, const BtfShape& shape, const LpcaOpti
     use(tile, 0, dimension);
   };
 
-  LocalSubspaces::Sizes sizes = reduced_sizes(shape, options, dimension);
+  const LocalSubspaces::Sizes sizes = reduced_sizes(shape, options, dimension);
   const std::size_t k = sizes.rank;
-  sizes.rank = 0;  // k-means: subspaces of no dimension
-  {
-    LocalSubspaces means(device, sizes);
-    alternate(means, rows, clusters, 0, mean_iterations, seed, state);
-  }
-  state.errors.clear();
-  sizes.rank = k;
+  LocalSubspaces::Sizes mean_sizes = sizes;
+  mean_sizes.rank = 0;  // k-means: subspaces of no dimension
+  LocalSubspaces means(device, mean_sizes);
   LocalSubspaces subspaces(device, sizes);
-  // begin with the leading components of all
+  // bases begin with the leading components of all texels
   std::vector<float> leading(texels * k);
   for (std::size_t p = 0; p < texels; ++p) {
     for (std::size_t j = 0; j < k; ++j) {
       leading[p * k + j] = static_cast<float>(points[p * dimension + j]);
     }
   }
-  state.U = texel_basis(state.labels, clusters, k, leading, seed);
-  alternate(subspaces, rows, clusters, k, reduced_iterations, seed, state);
-  return state;
+  Clustering best;
+  const std::size_t starts = clusters > 1 ? reduced_starts : 1;
+  for (std::size_t start = 0; start < starts; ++start) {
+    Clustering state;
+    state.labels = seeded_labels(points, dimension, clusters, reference::splitmix64(seed, start));
+    alternate(means, rows, clusters, 0, mean_iterations, seed, state);
+    state.errors.clear();
+    state.U = texel_basis(state.labels, clusters, k, leading, seed);
+    alternate(subspaces, rows, clusters, k, reduced_iterations, seed, state);
+    if (start == 0 || state.errors.back() < best.errors.back()) best = std::move(state);
+  }
+  return best;
 }
 
 // The model of the last fit; A = mean + scale^-1 (mu + W U^T), without empty clusters.
@@ -255,10 +259,13 @@ MemoryPlan plan_lpca(Device& device, TileSource& source, const LpcaOptions& opti
   const std::size_t granule = image_granule(shape);
   const MemoryPlan svd = plan_truncated_svd(device, source, svd_of_rank(reduced));
 
-  MemoryPlan in_space = LocalSubspaces::plan(device, reduced_sizes(shape, options, reduced));
+  LocalSubspaces::Sizes sizes = reduced_sizes(shape, options, reduced);
+  MemoryPlan in_space = LocalSubspaces::plan(device, sizes);
+  sizes.rank = 0;
+  in_space.add("means of the clusters", LocalSubspaces::plan(device, sizes).total());
   in_space.add("global SVD", (shape.texels() + n) * reduced * sizeof(float));
   in_space.add("reduced texels",
-               shape.texels() * reduced * (2 * sizeof(float) + 2 * sizeof(double)));
+               shape.texels() * reduced * (3 * sizeof(float) + 2 * sizeof(double)));
 
   MemoryPlan on_data = LocalSubspaces::plan(device, full_sizes(shape, options));
   on_data.add("input buffers", TileStream(device, source, granule).buffer_bytes());

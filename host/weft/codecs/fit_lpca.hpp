@@ -25,7 +25,8 @@ struct LpcaFit {
   std::unique_ptr<LpcaModel> model;    // info holds nothing yet
   std::vector<double> errors;          // |T - T'| / |T| of each fit to the data; none is above
                                        // the one before, and below 1e-3 they are 0: unresolved
-  std::vector<double> reduced_errors;  // the same of the fits in the reduced space, within it
+  std::vector<double> reduced_errors;  // the same of the fits in the reduced space, within it, of
+                                       // the best of its starts
   std::size_t reduced_rank = 0;        // of the global SVD
   std::string svd;                     // which ran, and why
 };

@@ -43,13 +43,20 @@ Elements elements_of(const Device& device, const LocalSubspaces::Sizes& sizes) {
 }  // namespace
 
 MemoryPlan LocalSubspaces::plan(const Device& device, const Sizes& sizes) {
-  const Elements e = elements_of(device, sizes);
-  const std::size_t largest = std::max({e.sorted, e.U, e.W, e.B, e.scores}) * float_bytes;
-  if (largest > device.limits().largest_allocation) {
+  // The largest piece, in double, which no size overflows; then the exact sizes.
+  const auto limit = static_cast<double>(device.limits().largest_allocation);
+  const auto clusters = static_cast<double>(sizes.clusters);
+  const auto rank = static_cast<double>(sizes.rank);
+  const auto longer = static_cast<double>(std::max(sizes.n, sizes.texels));
+  const double estimate = clusters * (rank + 1) * longer * float_bytes;
+  const Elements e = estimate < 4 * limit ? elements_of(device, sizes) : Elements{};
+  const auto exact =
+      static_cast<double>(std::max({e.sorted, e.U, e.W, e.B, e.scores}) * float_bytes);
+  if (std::max(exact, estimate) > limit) {
     fail_input(
-        "{} clusters of rank {}: their products take {} bytes in one piece, {} gives at most {}",
-        sizes.clusters, sizes.rank, largest, device.limits().name,
-        device.limits().largest_allocation);
+        "{} clusters of rank {}: their products take {:.0f} bytes in one piece, {} gives at most "
+        "{:.0f}",
+        sizes.clusters, sizes.rank, std::max(exact, estimate), device.limits().name, limit);
   }
   const std::size_t columns = sizes.rank + 1;
   MemoryPlan plan;
