@@ -18,7 +18,8 @@ constexpr std::size_t small_grid = 64;    // candidates that are all visited
 constexpr std::size_t rounds = 3;         // of a candidate beside the base
 constexpr std::size_t last_rounds = 15;   // of the best beside the base
 constexpr double share_of_search = 0.75;  // of the budget; the rest is for the last comparison
-constexpr double least_gain = 0.01;       // relative
+constexpr double hopeless = 1.4;     // of the base's time: such a candidate gets no further round
+constexpr double least_gain = 0.01;  // relative
 constexpr std::size_t told_rejections = 8;
 
 // Seeded whole numbers below a bound.
@@ -116,6 +117,7 @@ class Search {
       draws_.shuffle(all);
       for (const TuneValues& values : all) visit(values);
     } else {
+      climb();
       while (!over() && visited_.size() < outcome_.legal) {
         sample(small_grid / 4);
         climb();
@@ -183,6 +185,7 @@ class Search {
       for (std::size_t round = 0; round < rounds; ++round) {
         const double base = work_.time(base_);
         ratios.push_back(work_.time(values) / base);
+        if (ratios.back() > hopeless) break;
       }
       return median(ratios);
     } catch (const Error& error) {

@@ -3,8 +3,8 @@
 //
 // Every candidate is checked before it counts, and timed beside the base values, turn by turn, so
 // that a machine that changes its speed favours none. A small grid of legal values is visited
-// whole, in a seeded order; of a larger one a seeded sample, then the neighbours of the best until
-// none is better, then again a sample. At the end the best is timed against the base once more, and
+// whole, in a seeded order; of a larger one the neighbours of the best until none is better, then a
+// seeded sample, and so on. At the end the best is timed against the base once more, and
 // replaces it only if the gain stands out of the noise.
 #pragma once
 
