@@ -114,7 +114,9 @@ void add_bench(CLI::App& program, Action& action) {
       ->add_option("--input", options->codec.input,
                    "Raw BTF for the codecs' rows; without it, a small weave is synthesised")
       ->type_name("FILE");
-  command->add_option("--rank", options->codec.rank, "Rank of the codecs' rows")
+  command
+      ->add_option("--rank", options->codec.rank,
+                   "Rank of the codecs' rows (default: each codec's own)")
       ->type_name("COUNT");
   command->add_option("--repeat", options->repeat, "Runs of each operation")
       ->check(CLI::Range(1, 1000))

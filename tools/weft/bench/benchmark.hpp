@@ -28,6 +28,7 @@ struct Benchmark {
 std::vector<Benchmark> product_benchmarks();  // matrix products
 std::vector<Benchmark> basis_benchmarks();    // inner products, orthonormal bases
 std::vector<Benchmark> tile_benchmarks();     // raw tiles
+std::vector<Benchmark> cluster_benchmarks();  // clusters of texels
 std::vector<Benchmark> decoder_benchmarks();  // images from models
 std::vector<Benchmark> render_benchmarks();   // synthesised materials
 // All of them, in this order.

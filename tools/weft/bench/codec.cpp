@@ -69,11 +69,15 @@ double product_speed(Device& device) {
   return 2.0 * n * n * n / times.least;
 }
 
-bool has_rank(const Codec& codec) {
+// The rank to encode with: the one that was asked for, else the codec's own, or 64 where that
+// depends on a goal. Empty if the codec has none.
+std::string rank_of(const Codec& codec, const std::string& asked) {
   for (const ParameterSpec& parameter : codec.parameters()) {
-    if (parameter.name == "rank") return true;
+    if (parameter.name != "rank") continue;
+    if (!asked.empty()) return asked;
+    return parameter.default_value.empty() ? "64" : std::string(parameter.default_value);
   }
-  return false;
+  return {};
 }
 
 }  // namespace
@@ -93,7 +97,8 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
   std::vector<std::vector<Cell>> rows;
   for (const Codec* codec : wanted) {
     Parameters parameters;
-    if (has_rank(*codec)) parameters["rank"] = options.rank;
+    const std::string rank = rank_of(*codec, options.rank);
+    if (!rank.empty()) parameters["rank"] = rank;
     for (std::size_t run = 1; run <= 3; ++run) {  // the first one reads the file, builds kernels
       Job job;
       job.memory = options.memory;
@@ -112,7 +117,7 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
             fmt::format("{}{} {:.2f} s", stages.empty() ? "" : ", ", stage.name, stage.seconds);
       }
       const double bound = flops / gemm_peak + bytes / peaks.bandwidth;
-      rows.push_back({text_cell(codec->name()), text_cell(has_rank(*codec) ? options.rank : "-"),
+      rows.push_back({text_cell(codec->name()), text_cell(rank.empty() ? "-" : rank),
                       count_cell(run), number_cell(seconds), number_cell(flops * 1e-9),
                       number_cell(bytes * 1e-9), number_cell(bound), number_cell(seconds / bound),
                       number_cell(flops / seconds / gemm_peak),

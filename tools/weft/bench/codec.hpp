@@ -11,9 +11,9 @@
 namespace weft {
 
 struct CodecBenchOptions {
-  std::string filter;       // codecs whose row "codec NAME" contains it
-  std::string input;        // a raw BTF; empty: a small weave is synthesised
-  std::string rank = "64";  // of codecs that have one
+  std::string filter;  // codecs whose row "codec NAME" contains it
+  std::string input;   // a raw BTF; empty: a small weave is synthesised
+  std::string rank;    // of codecs that have one; empty: their default
   std::size_t memory = 0;
 };
 
