@@ -3,6 +3,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <Eigen/SVD>
+#include <algorithm>
+#include <limits>
 
 namespace weft::reference {
 namespace {
@@ -17,6 +19,30 @@ std::vector<double> to_row_major(const Eigen::MatrixXd& matrix) {
   Eigen::Map<RowMajor>(values.data(), matrix.rows(), matrix.cols()) = matrix;
   return values;
 }
+template <typename Svd>
+ThinSvd to_thin(const Svd& svd) {
+  const Eigen::VectorXd& values = svd.singularValues();
+  return {to_row_major(svd.matrixU()), std::vector<double>(values.begin(), values.end()),
+          to_row_major(svd.matrixV())};
+}
+
+// Whether A = U diag(values) V^T with orthonormal U and V, to within rounding. Eigen's divide and
+// conquer (3.4.0) gives NaN, or wrong values, for some matrices with repeated singular values.
+template <typename Svd>
+bool decomposes(const Eigen::MatrixXd& A, const Svd& svd) {
+  const Eigen::Index r = svd.singularValues().size();
+  const double rounding = 10 * static_cast<double>(std::max(A.rows(), A.cols())) *
+                          std::numeric_limits<double>::epsilon();
+  const Eigen::MatrixXd product =
+      svd.matrixU() * svd.singularValues().asDiagonal() * svd.matrixV().transpose();
+  const auto orthonormal = [&](const Eigen::MatrixXd& Q) {
+    return (Q.transpose() * Q - Eigen::MatrixXd::Identity(r, r)).norm() <= rounding;
+  };
+  // NaN is not within
+  return (A - product).norm() <= rounding * A.norm() && orthonormal(svd.matrixU()) &&
+         orthonormal(svd.matrixV());
+}
+
 }  // namespace
 
 SymmetricEigen symmetric_eigen(std::size_t n, std::span<const double> A) {
@@ -28,11 +54,12 @@ SymmetricEigen symmetric_eigen(std::size_t n, std::span<const double> A) {
 }
 
 ThinSvd thin_svd(std::size_t rows, std::size_t columns, std::span<const double> A) {
-  const Eigen::BDCSVD<Eigen::MatrixXd> svd(view(rows, columns, A),
-                                           Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const Eigen::VectorXd& values = svd.singularValues();
-  return {to_row_major(svd.matrixU()), std::vector<double>(values.begin(), values.end()),
-          to_row_major(svd.matrixV())};
+  constexpr unsigned thin = Eigen::ComputeThinU | Eigen::ComputeThinV;
+  const Eigen::MatrixXd matrix = view(rows, columns, A);
+  const Eigen::BDCSVD<Eigen::MatrixXd> divided(matrix, thin);
+  if (decomposes(matrix, divided)) return to_thin(divided);
+  // Jacobi rotations are many times slower, and never fail.
+  return to_thin(Eigen::JacobiSVD<Eigen::MatrixXd>(matrix, thin));
 }
 
 Orthonormal orthonormal_basis(std::size_t rows, std::size_t columns, std::span<const double> A,

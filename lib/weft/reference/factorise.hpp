@@ -16,7 +16,7 @@ struct SymmetricEigen {
 SymmetricEigen symmetric_eigen(std::size_t n, std::span<const double> A);
 
 // Thin SVD A = U diag(values) V^T of a rows x columns matrix, r = min(rows, columns), values
-// descend.
+// descend. By divide and conquer, and where that fails, which is checked, by Jacobi rotations.
 struct ThinSvd {
   std::vector<double> U;       // rows x r
   std::vector<double> values;  // r
