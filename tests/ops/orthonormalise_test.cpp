@@ -307,5 +307,71 @@ TEST(ProjectOut, OfNothingChangesNothing) {
   EXPECT_TRUE(same_bits(y.values<float>(), Y));
 }
 
+// Columns of doubles: a basis orthonormal to their rounding, of columns whose condition is 1e5.
+TEST(Orthonormalise, SmallBasesInDouble) {
+  Device& device = shared_device();
+  for (const std::size_t count : Sizes{1, 5, 12, 13, 30}) {
+    const std::size_t n = 40;
+    std::vector<double> values(count);
+    for (std::size_t j = 0; j < count; ++j) {
+      values[j] = std::pow(10.0, -5.0 * static_cast<double>(j) / static_cast<double>(count));
+    }
+    const std::vector<double> Y = matrix_with_singular_values(n, count, values, 3);
+    const std::size_t width = ops::panel_width(device, Arithmetic::f64);
+    std::vector<double> panels(ops::round_up(count, width) * n, 0.0);
+    for (std::size_t p = 0; p < n; ++p) {
+      for (std::size_t j = 0; j < count; ++j) {
+        panels[(j / width * n + p) * width + j % width] = Y[p * count + j];
+      }
+    }
+    GuardedBuffer y(device, std::span<const double>(panels), "Y");
+    GuardedBuffer scratch(device, panels.size() * sizeof(double), "scratch");
+    ASSERT_EQ(ops::orthonormalise(device, n, count, y.buffer(), scratch.buffer(), Arithmetic::f64),
+              count);
+    EXPECT_TRUE(y.intact());
+    EXPECT_TRUE(scratch.intact());
+    const std::vector<double> stored = y.values<double>();
+    std::vector<double> Q(n * count);
+    for (std::size_t p = 0; p < n; ++p) {
+      for (std::size_t j = 0; j < count; ++j) {
+        Q[p * count + j] = stored[(j / width * n + p) * width + j % width];
+      }
+    }
+    const std::vector<double> products = reference::gram(n, count, Q, count, Q);
+    const double columns = static_cast<double>(count);
+    const double tolerance =
+        4 * gamma(columns + static_cast<double>(n), double_roundoff) * std::sqrt(2 * columns);
+    for (std::size_t i = 0; i < count; ++i) {
+      for (std::size_t j = 0; j < count; ++j) {
+        EXPECT_NEAR(products[i * count + j], i == j ? 1.0 : 0.0, tolerance) << count;
+      }
+    }
+    std::vector<double> rest = Y;
+    reference::project_out(n, Q, count, rest, count);
+    // the first round's rounding, times the condition
+    for (const double value : rest) EXPECT_NEAR(value, 0.0, 1e5 * tolerance);
+  }
+}
+
+// What only rounding is left of is no direction.
+TEST(Orthonormalise, DropsWhatAProjectionTookAway) {
+  Device& device = shared_device();
+  const std::size_t n = 50, count = 5;
+  std::vector<float> Y(n * count, 0.0f);
+  for (std::size_t j = 0; j < count; ++j) Y[j * count + j] = j < 3 ? 0.9f : 1e-7f;
+  const std::size_t width = ops::panel_width(device);
+  const std::vector<float> panels = panels_of(Y, n, count, width, 0.0f);
+  GuardedBuffer y(device, std::span<const float>(panels), "Y");
+  GuardedBuffer scratch(device, panels.size() * sizeof(float), "scratch");
+  EXPECT_EQ(
+      ops::orthonormalise(device, n, count, y.buffer(), scratch.buffer(), Arithmetic::f32, 0.5),
+      3U);
+  const std::vector<float> Q = from_panels(y.values<float>(), n, count, width);
+  for (std::size_t p = 0; p < n; ++p) {
+    EXPECT_EQ(Q[p * count + 3], 0.0f);
+    EXPECT_EQ(Q[p * count + 4], 0.0f);
+  }
+}
+
 }  // namespace
 }  // namespace weft::test

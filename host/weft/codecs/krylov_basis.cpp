@@ -7,66 +7,64 @@
 #include "weft/ops/gram.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/ops/orthonormalise.hpp"
+#include "weft/ops/reals.hpp"
 #include "weft/reference/factorise.hpp"
 #include "weft/reference/random.hpp"
 
 namespace weft {
-namespace {
-constexpr std::size_t float_bytes = sizeof(float);
-}
 
-KrylovBasis::KrylovBasis(Device& device, std::size_t texels, std::size_t n, std::size_t block,
-                         std::uint64_t seed)
-    : device_(device),
-      texels_(texels),
-      n_(n),
-      block_(block),
-      padded_(ops::round_up(block, ops::panel_width(device))),
-      Y_(device, block * texels * float_bytes, "Krylov block"),
-      scratch_(device, padded_ * texels * float_bytes, "Krylov block") {
+KrylovBasis::KrylovBasis(Device& device, std::size_t rows, std::size_t columns, std::size_t block,
+                         Arithmetic arithmetic, std::uint64_t seed)
+    : device_(device), rows_(rows), columns_(columns), arithmetic_(arithmetic), seed_(seed) {
   // Y^T random, then orthonormalised like any other block
-  std::vector<float> random(block * texels);
-  reference::fill_random(seed, random);
-  device_.write(Y_, std::span<const float>(random));
-  grow();
+  grow(block, false);
 }
 
-std::size_t KrylovBasis::bytes(const Device& device, std::size_t texels, std::size_t n,
-                               std::size_t block) {
-  const std::size_t padded = ops::round_up(block, ops::panel_width(device));
-  // the blocks, one more while they are cut back, the next one, Y and the scratch block
-  const std::size_t vectors =
-      ((most_blocks + 1) * (texels + n) + 3 * texels) * padded * float_bytes;
+std::size_t KrylovBasis::padded(std::size_t columns) const {
+  return ops::round_up(columns, ops::panel_width(device_, arithmetic_));
+}
+
+std::size_t KrylovBasis::bytes(const Device& device, const StreamShape& shape, std::size_t block,
+                               std::size_t total) {
+  const std::size_t width = ops::panel_width(device, shape.arithmetic);
+  const std::size_t size = size_of(shape.arithmetic);
+  const std::size_t padded_block = ops::round_up(block, width);
+  // all blocks, what is taken of them, the next one, Y (twice as it grows) and the scratch block
+  const std::size_t vectors = ops::round_up(total, width) * (shape.rows + shape.columns) * size +
+                              padded_block * (shape.rows + 5 * shape.columns) * size;
   // W^T W, its successor, and the eigensolver's copies, in double
-  const std::size_t columns = most_blocks * block;
-  const std::size_t small = 5 * columns * columns * sizeof(double);
-  return vectors + small + 2 * ops::gram_bytes(std::max(texels, n), block, block);
+  const std::size_t small = 5 * total * total * sizeof(double);
+  return vectors + small + 2 * ops::gram_bytes(std::max(shape.rows, shape.columns), block, block);
 }
 
-std::size_t KrylovBasis::columns() const {
+std::size_t KrylovBasis::dimension() const {
   std::size_t sum = 0;
   for (const Block& block : blocks_) sum += block.columns;
   return sum;
 }
 
 void KrylovBasis::begin_pass() {
-  blocks_.back().W = Buffer(device_, n_ * padded_ * float_bytes, "Krylov products");
+  Block& block = blocks_.back();
+  block.W = Buffer(device_, rows_ * padded(block.width) * size_of(arithmetic_), "Krylov products");
 }
 
 void KrylovBasis::multiply(const Buffer& panels, std::size_t first, std::size_t count) {
   Block& block = blocks_.back();
-  const std::size_t offset = first * padded_;
-  ops::gemm_packed(device_, count, padded_, texels_, 1.0f, ops::panelled(device_, panels, count),
-                   block.Q, 0.0f, ops::to_row_major(device_, block.W, padded_, offset));
-  ops::gemm_packed(device_, block_, texels_, count, 1.0f,
-                   ops::transposed(device_, block.W, padded_, offset), panels,
-                   first == 0 ? 0.0f : 1.0f, ops::to_row_major(device_, Y_, texels_));
+  const std::size_t leading = padded(block.width);
+  const std::size_t offset = first * leading;
+  ops::gemm_packed(device_, count, leading, columns_, 1.0,
+                   ops::panelled(device_, panels, count, arithmetic_), block.Q, 0.0,
+                   ops::to_row_major(device_, block.W, leading, offset, arithmetic_));
+  ops::gemm_packed(device_, block.width, columns_, count, 1.0,
+                   ops::transposed(device_, block.W, leading, offset, arithmetic_), panels,
+                   first == 0 ? 0.0 : 1.0,
+                   ops::to_row_major(device_, Y_, columns_, 0, arithmetic_));
 }
 
 std::vector<double> KrylovBasis::energies() {
   // the new block's rows and columns of H
   const Block& newest = blocks_.back();
-  const std::size_t total = columns();
+  const std::size_t total = dimension();
   const std::size_t known = total - newest.columns;
   std::vector<double> H(total * total, 0.0);
   for (std::size_t i = 0; i < known; ++i) {
@@ -74,11 +72,12 @@ std::vector<double> KrylovBasis::energies() {
   }
   std::size_t row = 0;
   const ops::Columns newest_columns =
-      ops::row_major_columns(device_, newest.W, padded_, newest.columns);
+      ops::row_major_columns(device_, newest.W, padded(newest.width), newest.columns, arithmetic_);
   for (const Block& block : blocks_) {
-    const std::vector<double> products =
-        ops::gram(device_, n_, ops::row_major_columns(device_, block.W, padded_, block.columns),
-                  newest_columns);
+    const std::vector<double> products = ops::gram(
+        device_, rows_,
+        ops::row_major_columns(device_, block.W, padded(block.width), block.columns, arithmetic_),
+        newest_columns);
     for (std::size_t i = 0; i < block.columns; ++i) {
       for (std::size_t j = 0; j < newest.columns; ++j) {
         const double value = products[i * newest.columns + j];
@@ -95,87 +94,94 @@ std::vector<double> KrylovBasis::energies() {
   return values_;
 }
 
-void KrylovBasis::combine(bool left, const std::vector<double>& X, std::size_t k, Buffer& out,
-                          bool packed) {
-  const std::size_t rows = left ? texels_ : n_;
-  const std::size_t width = packed ? padded_ : k;
+Buffer KrylovBasis::combine(bool Q, std::size_t k, bool panels) {
+  const std::size_t rows = Q ? columns_ : rows_;
+  const std::size_t leading = padded(k);
+  const std::size_t total = dimension();
+  Buffer out(device_, rows * leading * size_of(arithmetic_), "singular vectors");
   std::size_t row = 0;
   for (const Block& block : blocks_) {
-    const std::vector<float> part(
-        X.begin() + static_cast<std::ptrdiff_t>(row * k),
-        X.begin() + static_cast<std::ptrdiff_t>((row + block.columns) * k));
-    Buffer small(device_, part.size() * float_bytes, "basis change");
-    device_.write(small, std::span<const float>(part));
-    Buffer panels(device_, ops::packed_elements(device_, block.columns, k) * float_bytes,
-                  "basis change");
-    ops::pack_panels(device_, ops::row_major(device_, small, k), block.columns, k, panels);
+    std::vector<double> part(block.columns * k);
+    for (std::size_t i = 0; i < block.columns; ++i) {
+      std::copy_n(vectors_.data() + (row + i) * total, k, part.data() + i * k);
+    }
+    const Buffer small = ops::real_buffer(device_, part, arithmetic_, "basis change");
+    Buffer packed(device_, block.columns * leading * size_of(arithmetic_), "basis change");
+    ops::pack_panels(device_, ops::row_major(device_, small, k, 0, arithmetic_), block.columns, k,
+                     packed);
     const ops::Operand A =
-        left ? ops::panelled(device_, block.Q, texels_) : ops::row_major(device_, block.W, padded_);
-    const ops::Result C = packed && left ? ops::to_panels(device_, out, rows)
-                                         : ops::to_row_major(device_, out, width);
-    ops::gemm_packed(device_, rows, packed ? padded_ : k, block.columns, 1.0f, A, panels,
-                     row == 0 ? 0.0f : 1.0f, C);
+        Q ? ops::panelled(device_, block.Q, columns_, arithmetic_)
+          : ops::row_major(device_, block.W, padded(block.width), 0, arithmetic_);
+    const ops::Result C = panels ? ops::to_panels(device_, out, rows, arithmetic_)
+                                 : ops::to_row_major(device_, out, leading, 0, arithmetic_);
+    ops::gemm_packed(device_, rows, leading, block.columns, 1.0, A, packed, row == 0 ? 0.0 : 1.0,
+                     C);
     row += block.columns;
   }
   device_.finish();
+  return out;
 }
 
-std::size_t KrylovBasis::result(std::size_t rank, double right_scale, std::vector<float>& left,
-                                std::vector<float>& right) {
-  const std::size_t total = columns();
-  const double floor = values_[0] * 0x1p-46;
-  std::size_t k = 0;
-  while (k < std::min(rank, total) && values_[k] > floor) ++k;
-  std::vector<double> X(total * k);
-  for (std::size_t i = 0; i < total; ++i) {
-    std::copy_n(vectors_.data() + i * total, k, X.data() + i * k);
-  }
-  left.resize(texels_ * k);
-  right.resize(n_ * k);
-  Buffer out(device_, std::max(texels_, n_) * k * float_bytes, "singular vectors");
-  combine(true, X, k, out, false);
-  device_.read(out, std::span<float>(left));
-  combine(false, X, k, out, false);
-  device_.read(out, std::span<float>(right));
-  for (float& value : right) value = static_cast<float>(value * right_scale);
-  return k;
+Buffer KrylovBasis::vectors(std::size_t k) {
+  return combine(true, k, false);
 }
 
-void KrylovBasis::compress() {
-  const std::size_t total = columns();
-  const std::size_t k = std::min(block_, total);
-  std::vector<double> X(total * k);
-  for (std::size_t i = 0; i < total; ++i) {
-    std::copy_n(vectors_.data() + i * total, k, X.data() + i * k);
-  }
+Buffer KrylovBasis::products(std::size_t k) {
+  return combine(false, k, false);
+}
+
+void KrylovBasis::cut_back(std::size_t columns) {
   Block best;
-  best.columns = k;
-  best.Q = Buffer(device_, texels_ * padded_ * float_bytes, "Krylov block");
-  best.W = Buffer(device_, n_ * padded_ * float_bytes, "Krylov products");
-  combine(true, X, k, best.Q, true);
-  combine(false, X, k, best.W, true);
+  best.columns = std::min(columns, dimension());
+  best.width = best.columns;
+  best.Q = combine(true, best.columns, true);
+  best.W = combine(false, best.columns, false);
   blocks_.clear();
+  H_.assign(best.columns * best.columns, 0.0);
+  for (std::size_t i = 0; i < best.columns; ++i) H_[i * best.columns + i] = values_[i];
   blocks_.push_back(std::move(best));
-  H_.assign(k * k, 0.0);
-  for (std::size_t i = 0; i < k; ++i) H_[i * k + i] = values_[i];
 }
 
-bool KrylovBasis::grow() {
-  if (columns() >= texels_) return false;
-  Buffer next(device_, padded_ * texels_ * float_bytes, "Krylov block");
-  ops::pack_panels(device_, ops::transposed(device_, Y_, texels_), texels_, block_, next);
-  // Orthogonal to all earlier blocks, twice, since one projection leaves their rounding.
+void KrylovBasis::add_random(std::size_t extra) {
+  if (extra == 0) return;
+  const std::size_t known = y_rows_ * columns_;
+  std::vector<double> values(known + extra * columns_);
+  if (known > 0) {
+    ops::read_reals(device_, Y_, arithmetic_, y_rows_, columns_, columns_, 1.0,
+                    std::span(values).first(known));
+  }
+  std::vector<float> random(extra * columns_);
+  reference::fill_random(seed_ + random_blocks_++, random);
+  std::copy(random.begin(), random.end(), values.begin() + static_cast<std::ptrdiff_t>(known));
+  Y_ = ops::real_buffer(device_, values, arithmetic_, "Krylov block");
+  y_rows_ += extra;
+}
+
+bool KrylovBasis::grow(std::size_t extra, bool bounded) {
+  if (dimension() >= columns_) return false;
+  y_rows_ = blocks_.empty() ? 0 : blocks_.back().width;
+  add_random(extra);
+  const std::size_t width = y_rows_;
+  const std::size_t bytes = padded(width) * columns_ * size_of(arithmetic_);
+  Buffer next(device_, bytes, "Krylov block");
+  Buffer scratch(device_, bytes, "Krylov block");
+  ops::pack_panels(device_, ops::transposed(device_, Y_, columns_, 0, arithmetic_), columns_, width,
+                   next);
+  // Orthogonal to all earlier blocks, twice, since one projection leaves their rounding. What the
+  // second takes away was nothing but that.
   std::size_t rank = 0;
   for (int round = 0; round < (blocks_.empty() ? 1 : 2); ++round) {
     for (const Block& block : blocks_) {
-      ops::project_out(device_, texels_, block.Q, block.columns, next, block_);
+      ops::project_out(device_, columns_, block.Q, block.columns, next, width, arithmetic_);
     }
-    rank = ops::orthonormalise(device_, texels_, block_, next, scratch_);
+    rank = ops::orthonormalise(device_, columns_, width, next, scratch, arithmetic_,
+                               round == 0 ? 0 : 0.5);
   }
   if (rank == 0) return false;
-  if (blocks_.size() == most_blocks) compress();
+  if (bounded && blocks_.size() == most_blocks) cut_back(width);
   Block block;
   block.Q = std::move(next);
+  block.width = width;
   block.columns = rank;
   blocks_.push_back(std::move(block));
   return true;

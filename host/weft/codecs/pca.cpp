@@ -87,7 +87,7 @@ class PcaCodec final : public Codec {
                                 Storage storage, Job& job) const override {
     const SvdOptions options = svd_options(*this, parameters);
     const std::size_t rank = options.rank;
-    job.plan(plan_truncated_svd(device, source, options));
+    job.plan(plan_truncated_svd(device, source, options, job));
     TruncatedSvd svd = truncated_svd(device, source, options, job);
     auto model = std::make_unique<PcaModel>();
     model->rank = svd.rank;
@@ -101,12 +101,14 @@ class PcaCodec final : public Codec {
         model->basis[j * n + r] = svd.right[r * svd.rank + j];
       }
     }
-    describe(*model, source.info(), rank, storage);
-    if (svd.rank < rank) {
+    describe(*model, source.info(), storage,
+             svd_parameters_json(options, svd.method, svd.passes, svd.reason));
+    if (!options.has_goal() && svd.rank < rank) {
       job.notes.push_back(
           fmt::format("rank {} asked, {} kept: the data holds no more", rank, svd.rank));
     }
-    job.notes.push_back(fmt::format("block Krylov SVD: {} passes over the data", svd.passes));
+    job.notes.push_back(fmt::format("svd {}, {} passes over the data, rank {}: {}",
+                                    name_of(svd.method), svd.passes, svd.rank, svd.reason));
     model->round_to_storage();
     return model;
   }
@@ -115,9 +117,9 @@ class PcaCodec final : public Codec {
                                           Storage storage, Job& job) const override {
     const SvdOptions options = svd_options(*this, parameters);
     if (options.has_goal()) fail_input("the reference encoder takes --rank only, no other goal");
-    const std::size_t rank = options.rank;
-    auto model = reference::encode_pca(source, rank, job);
-    describe(*model, source.info(), rank, storage);
+    auto model = reference::encode_pca(source, options.rank, job);
+    describe(*model, source.info(), storage,
+             svd_parameters_json(options, SvdMethod::randomized, 0, "reference"));
     model->round_to_storage();
     return model;
   }
@@ -172,9 +174,11 @@ class PcaCodec final : public Codec {
   std::unique_ptr<Model> read(const ModelFile& file) const override { return PcaModel::read(file); }
 
  private:
-  void describe(PcaModel& model, const BtfInfo& info, std::size_t rank, Storage storage) const {
+  // `svd`: members of a JSON object
+  void describe(PcaModel& model, const BtfInfo& info, Storage storage,
+                const std::string& svd) const {
     model.info.codec = name();
-    model.info.parameters = fmt::format(R"({{"rank":{},"kept":{}}})", rank, model.rank);
+    model.info.parameters = fmt::format(R"({{{},"kept":{}}})", svd, model.rank);
     model.info.storage = storage;
     model.info.btf = info;
   }

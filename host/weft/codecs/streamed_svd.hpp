@@ -1,41 +1,73 @@
-// Truncated SVD of a BTF's texel x (view, light, channel) unfolding with its mean removed,
-// streamed: the data is never whole in memory.
+// Truncated SVD of a streamed matrix X (K x m), in three ways:
 //
-//   A[p, r] = T[r, p] - mean[r],   r = (v, l, c),   A ~ U_k (U_k^T A)
+//   X ~ (X V_k) V_k^T,   V_k (m x k) orthonormal,   X V_k with orthogonal columns of length sigma_j
 //
-// Block Krylov iteration (Musco & Musco 2015) on A A^T from a random block, with full
-// re-orthogonalisation and Rayleigh-Ritz over the whole basis. One pass over the data, image run by
-// image run, gives both products of a step:
+//   gram        X^T X = V diag(sigma^2) V^T in one pass, a second pass for X V. Squares the
+//               condition: directions below about sqrt(eps) of the largest are lost.
+//   qr          X = Q R by TSQR in one pass, R = U diag(sigma) V^T, a second pass for X V. Accurate
+//               to eps of the largest.
+//   randomized  block Krylov iteration on X^T X (Musco & Musco 2015), a few passes; see
+//               krylov_basis.hpp.
 //
-//   W_t = A^T Q_t        Y_t = A W_t        Q_{t+1} = orth((I - K K^T) Y_t),  K = [Q_0 .. Q_t]
-//
-// and, from the eigenvalues of W^T W, W = [W_0 .. W_t], the error of the best rank-k approximation
-// in the basis: |A|^2 - sum of the k largest.
+// gram and qr leave an m x m problem to the host, and so take m up to `most_dense_columns`.
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <vector>
 
-#include "weft/device/tile_stream.hpp"
+#include "weft/codecs/panel_stream.hpp"
+#include "weft/codecs/svd_options.hpp"
 #include "weft/job.hpp"
 
 namespace weft {
 
-struct StreamedSvd {
-  std::size_t rank = 0;      // k: what was asked, less what the data does not hold
-  std::vector<float> mean;   // [n], n = N C
-  std::vector<float> left;   // U [P, k], orthonormal columns
-  std::vector<float> right;  // A^T U [n, k]: the singular values are in it, descending
-  std::size_t passes = 0;    // over the data, without scanning and measuring
-  double error = 0;          // |A - A_k| / |T|, as far as float norms tell
+inline constexpr std::size_t most_dense_columns = 4096;
+
+// What is wanted of a factorisation. Squares and lengths are those of the scaled stream.
+struct SvdTarget {
+  SvdMethod method = SvdMethod::randomized;  // automatic is not for streams
+  std::size_t rank = 0;                      // most components; 0: as many as the goals ask for
+  double tolerance = 0;                      // see SvdOptions
+  double energy = 0;
+  double constant_squares = 0;  // |T|^2 - |X|^2: the tolerance is relative to |T|
+  double noise = 0;             // what is shorter is rounding of the input
+  // Columns of a basis that memory allows.
+  std::size_t most_columns = std::numeric_limits<std::size_t>::max();
+
+  bool has_goal() const { return tolerance > 0 || energy > 0; }
 };
 
-// What streamed_svd will take, for a plan.
-MemoryPlan plan_streamed_svd(Device& device, TileSource& source, std::size_t rank);
+struct StreamedSvd {
+  std::size_t rank = 0;        // k
+  std::vector<double> values;  // sigma, descending, of the scaled stream
+  Buffer V;                    // [m][leading]
+  Buffer XV;                   // [K][leading]
+  std::size_t leading = 0;     // k, rounded up to a whole panel
+  double squares = 0;          // |X|^2
+  double residual = 0;         // |X - X V V^T|: measured, or from norms where they resolve it
+  std::size_t passes = 0;      // over the data, without measuring
+};
 
-// Iterates until the error is foreseen to be within 1 % of the best rank-k error; where it is too
-// small beside |A| to be known from norms, it is measured, and iterated until it no longer falls.
-// `rank` is at least 1 and is cut to min(P, n).
-StreamedSvd streamed_svd(Device& device, TileSource& source, std::size_t rank, Job& job);
+// Iterates or projects until the goals are met by the residual; the smallest rank that meets them
+// is kept. Without goals the rank that was asked is kept, less directions that are rounding noise
+// of the arithmetic; `randomized` then iterates until the error is foreseen to be within 1 % of the
+// best. Throws unmet_goal, saying what was reached, where rank, memory or arithmetic do not reach
+// the goals.
+StreamedSvd streamed_svd(Device& device, PanelStream& stream, const SvdTarget& target, Job& job);
+
+// What it will take, beside what the stream holds, for X of the given size.
+struct StreamShape {
+  std::size_t rows = 0;
+  std::size_t columns = 0;
+  std::size_t granule = 0;
+  Arithmetic arithmetic = Arithmetic::f32;
+};
+MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
+                             const SvdTarget& target);
+
+// The most columns of a basis that `memory` bytes hold.
+std::size_t columns_within(const Device& device, const StreamShape& shape, SvdTarget target,
+                           std::size_t memory);
 
 }  // namespace weft

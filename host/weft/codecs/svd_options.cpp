@@ -1,5 +1,7 @@
 #include "weft/codecs/svd_options.hpp"
 
+#include <fmt/core.h>
+
 #include <charconv>
 #include <string>
 
@@ -74,6 +76,16 @@ SvdOptions svd_options(const Codec& codec, const Parameters& parameters) {
     options.rank = default_rank;
   }
   return options;
+}
+
+std::string svd_parameters_json(const SvdOptions& options, SvdMethod chosen, std::size_t passes,
+                                std::string_view reason) {
+  std::string json;
+  if (options.rank > 0) json += fmt::format(R"("rank":{},)", options.rank);
+  if (options.tolerance > 0) json += fmt::format(R"("tolerance":{},)", options.tolerance);
+  if (options.energy > 0) json += fmt::format(R"("energy":{},)", options.energy);
+  return json + fmt::format(R"("svd":"{}","arithmetic":"{}","passes":{},"reason":"{}")",
+                            name_of(chosen), name_of(options.arithmetic), passes, reason);
 }
 
 }  // namespace weft

@@ -26,8 +26,10 @@ struct TruncatedSvd {
   double error = 0;                         // |A - A_k| / |T|, as far as the arithmetic tells
 };
 
-// What truncated_svd will take.
-MemoryPlan plan_truncated_svd(Device& device, TileSource& source, const SvdOptions& options);
+// What truncated_svd will take. With a goal, half of job.memory bounds the rank; without, the job
+// makes no difference.
+MemoryPlan plan_truncated_svd(Device& device, TileSource& source, const SvdOptions& options,
+                              const Job& job = {});
 
 // Throws input errors for options that do not fit the shape or the device, and an unmet goal where
 // what was asked cannot be reached.

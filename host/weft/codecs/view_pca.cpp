@@ -126,7 +126,7 @@ class ViewPcaCodec final : public Codec {
                                       std::min(shape.texels(), light_channels));
     // All views have one shape, and so one plan.
     ViewSource first_view(source, 0);
-    MemoryPlan plan = plan_truncated_svd(device, first_view, options);
+    MemoryPlan plan = plan_truncated_svd(device, first_view, options, job);
     plan.add("model", shape.views * (most * (shape.texels() + light_channels) + light_channels) *
                           sizeof(float));
     job.plan(plan);

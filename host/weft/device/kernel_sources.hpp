@@ -18,6 +18,7 @@ extern const KernelSource gemm;
 extern const KernelSource gram;
 extern const KernelSource peak;
 extern const KernelSource scan_tile;
+extern const KernelSource sum_squares;
 extern const KernelSource syrk;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;

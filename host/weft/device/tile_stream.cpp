@@ -1,122 +1,11 @@
 #include "weft/device/tile_stream.hpp"
 
 #include <algorithm>
-#include <condition_variable>
-#include <exception>
-#include <mutex>
-#include <thread>
-#include <vector>
 
+#include "weft/device/read_ahead.hpp"
 #include "weft/error.hpp"
 
 namespace weft {
-namespace {
-
-// Reads runs of images ahead on a thread of its own, into two slots.
-class ReadAhead {
- public:
-  ReadAhead(TileSource& source, std::size_t granule)
-      : source_(source), granule_(granule), images_(source.info().shape.images()) {
-    for (std::vector<std::byte>& slot : slots_) {
-      slot.resize(std::min(granule, images_) * source.info().image_bytes());
-    }
-    thread_ = std::thread([this] { run(); });
-  }
-
-  ~ReadAhead() {
-    {
-      const std::lock_guard lock(mutex_);
-      stopped_ = true;
-    }
-    changed_.notify_all();
-    thread_.join();
-  }
-  ReadAhead(const ReadAhead&) = delete;
-  ReadAhead& operator=(const ReadAhead&) = delete;
-
-  // The values of run `index`; waits for them. Rethrows what the source threw.
-  std::span<const std::byte> wait(std::size_t index) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return filled_ > index || failure_; });
-    if (filled_ <= index) std::rethrow_exception(failure_);
-    const std::size_t first = index * granule_;
-    const std::size_t count = std::min(granule_, images_ - first);
-    return std::span(slots_[index % 2]).first(count * source_.info().image_bytes());
-  }
-
-  // Says that the device is done with all runs before `index`.
-  void release_before(std::size_t index) {
-    {
-      const std::lock_guard lock(mutex_);
-      released_ = index;
-    }
-    changed_.notify_all();
-  }
-
- private:
-  void run() {
-    const std::size_t runs = (images_ + granule_ - 1) / granule_;
-    try {
-      for (std::size_t index = 0; index < runs; ++index) {
-        {
-          std::unique_lock lock(mutex_);
-          changed_.wait(lock, [&] { return stopped_ || index < released_ + 2; });
-          if (stopped_) return;
-        }
-        const std::size_t first = index * granule_;
-        const std::size_t count = std::min(granule_, images_ - first);
-        source_.read(first, count,
-                     std::span(slots_[index % 2]).first(count * source_.info().image_bytes()));
-        source_.release(first, count);
-        {
-          const std::lock_guard lock(mutex_);
-          filled_ = index + 1;
-        }
-        changed_.notify_all();
-      }
-    } catch (...) {
-      {
-        const std::lock_guard lock(mutex_);
-        failure_ = std::current_exception();
-      }
-      changed_.notify_all();
-    }
-  }
-
-  TileSource& source_;
-  const std::size_t granule_;
-  const std::size_t images_;
-  std::vector<std::byte> slots_[2];
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::size_t filled_ = 0;    // runs read
-  std::size_t released_ = 0;  // runs the device is done with
-  bool stopped_ = false;
-  std::exception_ptr failure_;
-  std::thread thread_;
-};
-
-// An event behind all work that was enqueued so far.
-Handle<cl_event> mark(Device& device) {
-  cl_event event = nullptr;
-  check_cl(clEnqueueMarkerWithWaitList(device.queue(), 0, nullptr, &event), "clEnqueueMarker");
-  device.flush();
-  return Handle<cl_event>(event);
-}
-
-// However a pass ends, the device must have stopped reading host memory before that goes.
-class FinishAtEnd {
- public:
-  explicit FinishAtEnd(Device& device) : device_(device) {}
-  ~FinishAtEnd() { clFinish(device_.queue()); }
-  FinishAtEnd(const FinishAtEnd&) = delete;
-  FinishAtEnd& operator=(const FinishAtEnd&) = delete;
-
- private:
-  Device& device_;
-};
-
-}  // namespace
 
 TileStream::TileStream(Device& device, TileSource& source, std::size_t granule)
     : device_(device), source_(source), granule_(granule) {
@@ -130,10 +19,8 @@ TileStream::TileStream(Device& device, TileSource& source, std::size_t granule)
 
 std::size_t TileStream::buffer_bytes() const {
   if (mapped_) return 0;
-  const std::size_t run =
-      std::min(granule_, source_.info().shape.images()) * source_.info().image_bytes();
-  // two slots on the host, and on a device with memory of its own two there
-  return device_.limits().unified_memory ? 2 * run : 4 * run;
+  return read_ahead_bytes(
+      device_, std::min(granule_, source_.info().shape.images()) * source_.info().image_bytes());
 }
 
 void TileStream::for_each(const Work& work) {
@@ -179,32 +66,18 @@ void TileStream::for_each_mapped(const Work& work) {
 
 void TileStream::for_each_read(const Work& work) {
   const std::size_t images = source_.info().shape.images();
-  const bool unified = device_.limits().unified_memory;
-  ReadAhead reader(source_, granule_);
-  const FinishAtEnd finish_at_end(device_);
-  Buffer copies[2];
-  Handle<cl_event> done[2];
-  for (std::size_t index = 0; index * granule_ < images; ++index) {
-    check_interrupt();
-    const std::size_t first = index * granule_;
-    const std::size_t count = std::min(granule_, images - first);
-    const std::span<const std::byte> values = reader.wait(index);
-    Buffer& raw = copies[index % 2];
-    if (unified) {
-      raw = Buffer::wrap(device_, values, "images");
-    } else {
-      if (raw.size() < values.size()) raw = Buffer(device_, values.size(), "images");
-      device_.write(raw, 0, values);
-    }
-    work(first, count, raw);
-    done[index % 2] = mark(device_);
-    // The run before this one is done once its event is: its slot may be filled again.
-    if (index > 0) {
-      wait_for(done[(index - 1) % 2]);
-      if (unified) copies[(index - 1) % 2] = Buffer();
-      reader.release_before(index);
-    }
-  }
+  const std::size_t image_bytes = source_.info().image_bytes();
+  const std::size_t runs = (images + granule_ - 1) / granule_;
+  const auto count = [&](std::size_t run) { return std::min(granule_, images - run * granule_); };
+  for_each_run(
+      device_, runs, std::min(granule_, images) * image_bytes,
+      [&](std::size_t run, std::span<std::byte> slot) {
+        const std::size_t bytes = count(run) * image_bytes;
+        source_.read(run * granule_, count(run), slot.first(bytes));
+        source_.release(run * granule_, count(run));
+        return bytes;
+      },
+      [&](std::size_t run, const Buffer& raw) { work(run * granule_, count(run), raw); });
 }
 
 std::size_t image_granule(const BtfShape& shape) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "weft/device/device.hpp"
+#include "weft/ops/arithmetic.hpp"
 
 namespace weft::ops {
 
@@ -15,14 +16,16 @@ struct Columns {
   std::size_t count = 0;  // columns
   std::size_t panel = 0;
   std::size_t row = 0;
+  Arithmetic arithmetic = Arithmetic::f32;
+  std::size_t offset = 0;  // elements before the first column
 };
 
 // Packed panels [ceil(count / NR)][n][NR]; a row-major n x leading matrix, leading >= count rounded
 // up to NR.
-Columns packed_columns(const Device& device, const Buffer& buffer, std::size_t n,
-                       std::size_t count);
+Columns packed_columns(const Device& device, const Buffer& buffer, std::size_t n, std::size_t count,
+                       Arithmetic arithmetic = Arithmetic::f32);
 Columns row_major_columns(const Device& device, const Buffer& buffer, std::size_t leading,
-                          std::size_t count);
+                          std::size_t count, Arithmetic arithmetic = Arithmetic::f32);
 
 // The arithmetic that products are summed in: double where the device has it, else pairs of floats;
 // or pairs on any device.
@@ -31,7 +34,8 @@ enum class GramSums { best, float_pairs };
 // Bytes of the partial sums that gram() holds on the device, and again on the host.
 std::size_t gram_bytes(std::size_t n, std::size_t count_x, std::size_t count_z);
 
-// G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z; waits for the device.
+// G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z; waits for the device. X
+// and Z are of one arithmetic; columns of doubles are summed in double.
 // With double, |error| <= n 2^-53 sum |X Z|. With pairs, sums of c = max(512, n / 64) rows have
 // |error| <= (2 c 2^-24)^2 sum |X Z| at worst, and columns may be of any magnitude.
 std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z,
