@@ -204,6 +204,10 @@ std::unique_ptr<LpcaModel> to_model(LocalSubspaces& subspaces, const Clustering&
   auto model = std::make_unique<LpcaModel>();
   std::vector<std::uint32_t> number(clusters, 0);
   std::vector<std::uint32_t> ranks;
+  std::size_t components = 0;
+  for (const LocalSubspaces::Rotation& rotation : rotations) components += rotation.rank;
+  model->mean.reserve(clusters * n);
+  model->basis.reserve(components * n);
   for (std::size_t g = 0; g < clusters; ++g) {
     if (!used[g]) continue;
     number[g] = static_cast<std::uint32_t>(ranks.size());

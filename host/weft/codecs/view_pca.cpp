@@ -101,6 +101,7 @@ class ViewPcaReferenceDecoder final : public ReferenceDecoder {
 };
 
 constexpr std::size_t default_rank = 8;
+constexpr std::size_t planned_rank = 64;
 
 class ViewPcaCodec final : public Codec {
  public:
@@ -122,12 +123,13 @@ class ViewPcaCodec final : public Codec {
     const SvdOptions options = view_options(parameters);
     const BtfShape& shape = source.info().shape;
     const std::size_t light_channels = shape.lights * shape.channels;
-    const std::size_t most = std::min(options.rank > 0 ? options.rank : light_channels,
-                                      std::min(shape.texels(), light_channels));
+    // Where only a goal is given, so many per view are planned for, and no more are kept.
+    const std::size_t planned =
+        std::min({options.rank > 0 ? options.rank : planned_rank, shape.texels(), light_channels});
     // All views have one shape, and so one plan.
     ViewSource first_view(source, 0);
     MemoryPlan plan = plan_truncated_svd(device, first_view, options, job);
-    plan.add("model", shape.views * (most * (shape.texels() + light_channels) + light_channels) *
+    plan.add("model", shape.views * (planned * (shape.texels() + light_channels) + light_channels) *
                           sizeof(float));
     job.plan(plan);
 
@@ -135,8 +137,11 @@ class ViewPcaCodec final : public Codec {
     scan_source(device, source, job);
 
     auto model = std::make_unique<ViewPcaModel>();
+    model->images.reserve(shape.views * planned * shape.texels());
+    model->basis.reserve(shape.views * planned * light_channels);
     std::vector<std::uint32_t> ranks;
     std::size_t passes = 0;
+    SvdMethod method = options.method;
     std::string reason;
     Job view_job = job;  // one plan and one progress: those of the whole
     view_job.progress = {};
@@ -145,15 +150,25 @@ class ViewPcaCodec final : public Codec {
       ViewSource view(source, v);
       const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
       append(*model, svd, shape.texels());
+      if (model->images.size() > shape.views * planned * shape.texels()) {
+        fail_input(
+            "the goal takes {} components up to view {}; without --rank, {} for all views are "
+            "planned for",
+            model->images.size() / shape.texels(), v, shape.views * planned);
+      }
       ranks.push_back(static_cast<std::uint32_t>(svd.rank));
       passes = std::max(passes, svd.passes);
-      if (v == 0) reason = fmt::format("{}: {}", name_of(svd.method), svd.reason);
+      if (v == 0) {
+        method = svd.method;
+        reason = svd.reason;
+      }
       job.advance("views", v + 1, shape.views);
     }
     job.stages = std::move(view_job.stages);
     job.notes.push_back(
-        fmt::format("a truncated SVD per view, {}; at most {} passes over a view", reason, passes));
-    finish(*model, ranks, source.info(), options.rank, storage, job);
+        fmt::format("svd of each view {}, at most {} passes: {}", name_of(method), passes, reason));
+    finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
+           svd_parameters_json(options, method, passes, reason), job);
     return model;
   }
 
@@ -166,7 +181,8 @@ class ViewPcaCodec final : public Codec {
     for (std::size_t v = 0; v < model->ranks.size(); ++v) {
       ranks.push_back(static_cast<std::uint32_t>(model->ranks[v]));
     }
-    finish(*model, ranks, source.info(), options.rank, storage, job);
+    finish(*model, ranks, source.info(), options.rank, storage,
+           svd_parameters_json(options, SvdMethod::randomized, 0, "reference"), job);
     return model;
   }
 
@@ -253,8 +269,9 @@ class ViewPcaCodec final : public Codec {
     }
   }
 
+  // `rank` 0 where a goal decided. `parameters`: members of a JSON object.
   void finish(ViewPcaModel& model, const std::vector<std::uint32_t>& ranks, const BtfInfo& info,
-              std::size_t rank, Storage storage, Job& job) const {
+              std::size_t rank, Storage storage, const std::string& parameters, Job& job) const {
     const auto [least, most] = std::minmax_element(ranks.begin(), ranks.end());
     model.ranks = IndexTensor(ranks, *most + std::size_t{1});
     if (rank > 0 && *least < rank) {
@@ -262,7 +279,7 @@ class ViewPcaCodec final : public Codec {
           "rank {} asked, {} to {} kept per view: the data holds no more", rank, *least, *most));
     }
     model.info.codec = name();
-    model.info.parameters = fmt::format(R"({{"rank":{},"kept":[{},{}]}})", rank, *least, *most);
+    model.info.parameters = fmt::format(R"({{{},"kept":[{},{}]}})", parameters, *least, *most);
     model.info.storage = storage;
     model.info.btf = info;
     model.round_to_storage();
