@@ -248,13 +248,12 @@ TEST(LpcaMemory, IsForeseenAndKept) {
 // Whatever is asked for, sizes do not overflow on the way to being refused.
 TEST(LpcaMemory, RefusesWhatNoDeviceHolds) {
   const auto source = random_source({6, 6, 64, 64, 3}, DType::u8, 4);
-  for (const auto& [clusters, rank] :
-       {std::pair<const char*, const char*>{"100000000000", "100000000000"}, {"4096", "108"}}) {
+  for (const Parameters& chosen :
+       {Parameters{{"clusters", "100000000000"}, {"rank", "100000000000"}},
+        parameters(4096, 108)}) {
     Job job;
-    expect_error(ErrorKind::input, {}, [&] {
-      lpca_codec().encode(shared_device(), *source, {{"clusters", clusters}, {"rank", rank}},
-                          Storage::f16, job);
-    });
+    expect_error(ErrorKind::input, {},
+                 [&] { lpca_codec().encode(shared_device(), *source, chosen, Storage::f16, job); });
   }
 }
 

@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include "io/file_bytes.hpp"
+#include "model/edit_model.hpp"
 #include "model/lying_model.hpp"
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
+#include "support/mutate.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace weft::test {
@@ -97,6 +100,37 @@ TEST(LpcaModel, TensorsThatDoNotFitEachOtherAreRefused) {
   expect_refused({"m.weft", "no tensor \"clusters\""},
                  [](LyingModel& m) { m.list.erase(m.list.begin()); });
   expect_refused({"m.weft", "codec", "pca"}, [](LyingModel& m) { m.info.codec = "pca"; });
+}
+
+// Bytes changed under right checksums: an error that says so, or a model that can be decoded.
+TEST(LpcaModel, DamagedFilesGiveErrorsOnly) {
+  const TemporaryFolder folder;
+  const auto path = folder / "m.weft";
+  Random random(21);
+  std::size_t decoded = 0;
+  for (const Storage storage : {Storage::f16, Storage::f32}) {
+    LpcaModel model = small_model(storage);
+    model.round_to_storage();
+    write_model(path, model);
+    const EditableModel good(read_bytes(path));
+    for (int i = 0; i < 500; ++i) {
+      EditableModel edited = good;
+      const std::size_t size = edited.data.size();
+      edited.data = mutate(edited.data, size, random);
+      edited.data.resize(size);
+      edited.set_checksums();
+      write_bytes(path, edited.file());
+      try {
+        const auto found = LpcaModel::read(ModelFile(path));
+        std::vector<double> texel(1);
+        for (std::size_t x = 0; x < 3; ++x) found->decode_texel(1, 0, 0, x, texel);
+        ++decoded;
+      } catch (const Error& error) {
+        ASSERT_EQ(error.kind(), ErrorKind::input) << error.what();
+      }
+    }
+  }
+  EXPECT_GT(decoded, 0U);
 }
 
 }  // namespace
