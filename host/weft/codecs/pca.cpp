@@ -115,13 +115,18 @@ class PcaCodec final : public Codec {
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const SvdOptions options = svd_options(*this, parameters);
-    if (options.has_goal()) fail_input("the reference encoder takes --rank only, no other goal");
-    auto model = reference::encode_pca(source, options.rank, job);
-    describe(*model, source.info(), storage,
-             svd_parameters_json(options, SvdMethod::randomized, 0, "reference"));
-    model->round_to_storage();
-    return model;
+    SvdOptions options = svd_options(*this, parameters);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
+    reference::SvdRequest request;
+    request.method = options.method;
+    request.rank = options.rank;
+    request.tolerance = options.tolerance;
+    request.energy = options.energy;
+    reference::PcaFit fit = reference::encode_pca(source, request, job);
+    describe(*fit.model, source.info(), storage,
+             svd_parameters_json(options, fit.method, fit.passes, "the reference's way"));
+    fit.model->round_to_storage();
+    return std::move(fit.model);
   }
 
   std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {

@@ -32,20 +32,6 @@ double fraction(const Parameters& parameters, std::string_view name) {
 
 }  // namespace
 
-std::string_view name_of(SvdMethod method) {
-  switch (method) {
-    case SvdMethod::gram:
-      return "gram";
-    case SvdMethod::randomized:
-      return "randomized";
-    case SvdMethod::qr:
-      return "qr";
-    case SvdMethod::automatic:
-      break;
-  }
-  return "auto";
-}
-
 std::string_view name_of(Arithmetic arithmetic) {
   return arithmetic == Arithmetic::f32 ? "f32" : "f64";
 }

@@ -10,13 +10,9 @@
 
 #include "weft/codecs/codec.hpp"
 #include "weft/ops/arithmetic.hpp"
+#include "weft/reference/truncated_svd.hpp"
 
 namespace weft {
-
-// gram: eigenvectors of the Gram matrix of the short side, one pass and a projection; loses
-// singular values below about sqrt(eps) of the largest. randomized: block Krylov iteration, a few
-// passes. qr: QR of all rows, then an SVD of R: accurate to eps, and slower.
-enum class SvdMethod { automatic, gram, randomized, qr };
 
 struct SvdOptions {
   SvdMethod method = SvdMethod::automatic;
@@ -28,8 +24,7 @@ struct SvdOptions {
   bool has_goal() const { return tolerance > 0 || energy > 0; }
 };
 
-// "auto" "gram" "randomized" "qr"; "f32" "f64".
-std::string_view name_of(SvdMethod method);
+// "f32" "f64".
 std::string_view name_of(Arithmetic arithmetic);
 
 // The parameters of a codec on this engine, for its table.

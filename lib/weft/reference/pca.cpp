@@ -5,9 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "weft/btf/texel_block.hpp"
 #include "weft/error.hpp"
-#include "weft/reference/factorise.hpp"
-#include "weft/reference/random.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft::reference {
@@ -24,146 +23,127 @@ std::size_t run_of_images(const BtfShape& shape) {
   return std::clamp<std::size_t>(values / shape.image_values(), 1, shape.images());
 }
 
-// Q spans the columns of the given matrix.
-Eigen::MatrixXd orthonormal(const Eigen::MatrixXd& matrix, double tolerance) {
-  const RowMajor rows = matrix;
-  const Orthonormal basis = orthonormal_basis(
-      static_cast<std::size_t>(rows.rows()), static_cast<std::size_t>(rows.cols()),
-      std::span(rows.data(), static_cast<std::size_t>(rows.size())), tolerance);
-  return Eigen::Map<const RowMajor>(basis.Q.data(), rows.rows(), index(basis.rank));
-}
-
 }  // namespace
 
-std::unique_ptr<PcaModel> encode_pca(TileSource& source, std::size_t rank, Job& job) {
+PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   const BtfShape& shape = source.info().shape;
   const std::size_t texels = shape.texels();
   const std::size_t n = shape.images() * shape.channels;
   const std::size_t smaller = std::min(texels, n);
+  constexpr std::size_t most_dense = 4096;
+  const bool dense = request.method == SvdMethod::gram || request.method == SvdMethod::qr;
+  if (dense && smaller > most_dense) {
+    fail_input(
+        "--svd {}: the short side of {} texels x {} image channels is {}, at most {} are taken",
+        name_of(request.method), texels, n, smaller, most_dense);
+  }
+  if (request.method == SvdMethod::automatic) {
+    request.method = smaller <= 512 ? SvdMethod::qr : SvdMethod::randomized;
+  }
+  const bool by_texels = request.method != SvdMethod::randomized && n < texels;
   const std::size_t run = run_of_images(shape);
-  const std::size_t block = std::min(std::min(rank, smaller) + 8, smaller);
-  constexpr std::size_t most_blocks = 6;
+  const std::size_t block = texel_granule(shape);
 
   MemoryPlan plan;
-  plan.add("tile", 2 * run * shape.image_values() * sizeof(double));
-  plan.add("Krylov basis", 3 * most_blocks * (texels + n) * block * sizeof(double));
-  plan.add("model", (texels + n) * std::min(rank, smaller) * sizeof(float));
+  const std::size_t rank = request.rank > 0 ? std::min(request.rank, smaller) : smaller;
+  plan.add("tile", 3 * std::max(run * shape.image_values(), block * n) * sizeof(double));
+  const std::size_t columns =
+      request.method == SvdMethod::randomized && !request.has_goal() ? 18 * (rank + 8) : 3 * rank;
+  plan.add("basis", (texels + n) * columns * sizeof(double));
+  if (request.method != SvdMethod::randomized) {
+    plan.add("small problem", 6 * smaller * smaller * sizeof(double));
+  }
+  plan.add("model", (texels + n) * rank * sizeof(float));
   job.plan(plan);
 
+  // mean ABRDF, rounded to float as the model stores it
   std::vector<double> values(run * shape.image_values());
-  // Calls use(first row, A^T of these rows as [rows][P]) for every run of images.
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(index(n));
   const auto for_each_run = [&](const std::string& stage, const auto& use) {
     for (std::size_t first = 0; first < shape.images(); first += run) {
       check_interrupt();
       const std::size_t count = std::min(run, shape.images() - first);
       const std::span<double> tile = std::span(values).first(count * shape.image_values());
       read_tile(source, first, count, job.nan_zero, tile);
-      Eigen::MatrixXd rows(index(count * shape.channels), index(texels));
-      for (std::size_t image = 0; image < count; ++image) {
-        rows.middleRows(index(image * shape.channels), index(shape.channels)) =
-            Eigen::Map<const Eigen::MatrixXd>(tile.data() + image * shape.image_values(),
-                                              index(shape.channels), index(texels));
-      }
-      use(index(first * shape.channels), rows);
+      use(first, count, tile);
       job.advance(stage, first + count, shape.images());
     }
   };
-
-  // mean ABRDF, rounded to float as the model stores it
+  std::vector<double> mean;
+  double mean_squares = 0;
   {
     const StageTimer timer(job, "scan");
-    for_each_run("scan", [&](Eigen::Index row, const Eigen::MatrixXd& rows) {
-      mean.segment(row, rows.rows()) = rows.rowwise().mean().cast<float>().cast<double>();
+    for_each_run("scan", [&](std::size_t, std::size_t count, std::span<const double> tile) {
+      for (const double sum : scan_tile(count, texels, shape.channels, tile).sums) {
+        const float rounded = static_cast<float>(sum / static_cast<double>(texels));
+        mean.push_back(static_cast<double>(rounded));
+        mean_squares += mean.back() * mean.back() * static_cast<double>(texels);
+      }
     });
   }
 
-  const double mean_rounding = 0x1p-24 * mean.norm() * std::sqrt(static_cast<double>(texels));
+  // rows of A^T by runs of images, or of A by blocks of texels
+  const EachRows each_image = [&](const std::string& stage, const UseRows& use) {
+    for_each_run(stage, [&](std::size_t first, std::size_t count, std::span<const double> tile) {
+      const std::size_t row = first * shape.channels;
+      use(row, convert_tile(count, texels, shape.channels, tile,
+                            std::span(mean).subspan(row, count * shape.channels), 1.0));
+    });
+  };
+  const EachRows each_texel = [&](const std::string& stage, const UseRows& use) {
+    std::vector<std::byte> raw;
+    for (std::size_t first = 0; first < texels; first += block) {
+      check_interrupt();
+      const std::size_t count = std::min(block, texels - first);
+      raw.resize(count * n * size_of(source.info().dtype));
+      read_texels(source, first, count, raw);
+      std::vector<double> tile(count * n);
+      to_double(source.info().dtype, raw, job.nan_zero, tile);
+      const std::vector<double> columns =
+          convert_tile(shape.images(), count, shape.channels, tile, mean, 1.0);
+      for (std::size_t r = 0; r < n; ++r) {
+        for (std::size_t p = 0; p < count; ++p) tile[p * n + r] = columns[r * count + p];
+      }
+      use(first, tile);
+      job.advance(stage, first + count, texels);
+    }
+  };
 
-  // Krylov iteration
   const StageTimer timer(job, "iteration");
-  std::vector<float> random(texels * block);
-  fill_random(job.seed, random);
-  Eigen::MatrixXd Q = orthonormal(
-      Eigen::Map<const Eigen::MatrixXf>(random.data(), index(texels), index(block)).cast<double>(),
-      1e-12);
-  Eigen::MatrixXd K(index(texels), 0);
-  Eigen::MatrixXd W(index(n), 0);
-  Eigen::VectorXd sigma;
-  Eigen::MatrixXd X;
-  double previous = -1;
-  double before = -1;
-  for (std::size_t pass = 1;; ++pass) {
-    // one pass: W_t = A^T Q, Y = A W_t
-    Eigen::MatrixXd product(index(n), Q.cols());
-    Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(index(texels), Q.cols());
-    double squares = 0;
-    for_each_run(fmt::format("pass {}", pass), [&](Eigen::Index row, const Eigen::MatrixXd& rows) {
-      const Eigen::MatrixXd centred = rows.colwise() - mean.segment(row, rows.rows());
-      product.middleRows(row, rows.rows()).noalias() = centred * Q;
-      Y.noalias() += centred.transpose() * product.middleRows(row, rows.rows());
-      squares += centred.squaredNorm();
-    });
-    K.conservativeResize(Eigen::NoChange, K.cols() + Q.cols());
-    K.rightCols(Q.cols()) = Q;
-    W.conservativeResize(Eigen::NoChange, W.cols() + Q.cols());
-    W.rightCols(Q.cols()) = product;
-
-    // Rayleigh-Ritz: W = Z R, R = (left) sigma X^T
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(W);
-    const Eigen::Index small = std::min(W.rows(), W.cols());
-    const RowMajor R = qr.matrixQR().topRows(small).triangularView<Eigen::Upper>();
-    const ThinSvd svd =
-        thin_svd(static_cast<std::size_t>(small), static_cast<std::size_t>(W.cols()),
-                 std::span(R.data(), static_cast<std::size_t>(R.size())));
-    sigma = Eigen::Map<const Eigen::VectorXd>(svd.values.data(), index(svd.values.size()));
-    X = Eigen::Map<const RowMajor>(svd.V.data(), W.cols(), sigma.size());
-
-    // stop when what is still to be gained is little, or the basis can't grow
-    const Eigen::Index kept = std::min(index(rank), sigma.size());
-    const double error = std::sqrt(std::max(squares - sigma.head(kept).squaredNorm(), 0.0));
-    const bool exact = error <= 1e-7 * std::sqrt(squares);
-    bool converged = exact || pass >= 24;
-    if (before >= 0) {
-      const double last = previous - error;
-      const double earlier = before - previous;
-      const double ratio = earlier > 0 ? last / earlier : 0;
-      converged = converged || (ratio < 1 && last * ratio / (1 - ratio) <= 0.002 * error);
-    }
-    before = previous;
-    previous = error;
-    if (converged || K.cols() >= index(smaller) + index(block)) break;
-    if (K.cols() + Q.cols() > index(most_blocks * block)) {
-      // keep the best directions only
-      const Eigen::Index best = std::min(index(block), sigma.size());
-      K = (K * X.leftCols(best)).eval();
-      W = (W * X.leftCols(best)).eval();
-    }
-    const double scale = Y.norm();
-    for (int round = 0; round < 2; ++round) Y -= K * (K.transpose() * Y);
-    if (Y.norm() <= 1e-13 * scale) break;
-    Q = orthonormal(Y, 1e-12);
-    Q -= K * (K.transpose() * Q);
-    Q = orthonormal(Q, 1e-3);
-    if (Q.cols() == 0) break;
-  }
-
-  // leading components that the data holds
+  request.constant_squares = mean_squares;
+  request.seed = job.seed;
   // What the mean's rounding to float leaves is not a component.
-  const double largest = sigma.size() > 0 ? sigma[0] : 0;
-  const double floor = std::max(largest * 1e-12, mean_rounding);
-  Eigen::Index k = 0;
-  while (k < std::min(index(rank), sigma.size()) && sigma[k] > floor) ++k;
-  auto model = std::make_unique<PcaModel>();
-  model->rank = static_cast<std::size_t>(k);
-  model->mean.resize(n);
-  Eigen::Map<Eigen::VectorXf>(model->mean.data(), index(n)) = mean.cast<float>();
-  model->coefficients.resize(texels * model->rank);
-  Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-      model->coefficients.data(), index(texels), k) = (K * X.leftCols(k)).cast<float>();
-  model->basis.resize(model->rank * n);
-  Eigen::Map<Eigen::MatrixXf>(model->basis.data(), index(n), k) = (W * X.leftCols(k)).cast<float>();
-  return model;
+  request.noise = 0x1p-24 * std::sqrt(mean_squares);
+  const TruncatedSvd svd = by_texels ? truncated_svd(texels, n, each_texel, request)
+                                     : truncated_svd(n, texels, each_image, request);
+
+  PcaFit fit;
+  fit.method = svd.method;
+  fit.passes = svd.passes;
+  fit.model = std::make_unique<PcaModel>();
+  PcaModel& model = *fit.model;
+  model.rank = svd.rank;
+  model.mean.assign(mean.begin(), mean.end());
+  model.coefficients.resize(texels * svd.rank);
+  model.basis.resize(svd.rank * n);
+  const Eigen::Index k = index(svd.rank);
+  if (k == 0) return fit;
+  Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> left(
+      model.coefficients.data(), index(texels), k);
+  Eigen::Map<Eigen::MatrixXf> right(model.basis.data(), index(n), k);
+  const Eigen::Map<const RowMajor> V(svd.V.data(), index(by_texels ? n : texels), k);
+  const Eigen::Map<const RowMajor> XV(svd.XV.data(), index(by_texels ? texels : n), k);
+  if (!by_texels) {
+    left = V.cast<float>();
+    right = XV.cast<float>();
+    return fit;
+  }
+  // XV = U R, A = U (V R^T)^T
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(XV);
+  const Eigen::MatrixXd R = qr.matrixQR().topRows(k).triangularView<Eigen::Upper>();
+  const Eigen::MatrixXd U = qr.householderQ() * Eigen::MatrixXd::Identity(XV.rows(), k);
+  left = U.cast<float>();
+  right = (V * R.transpose()).cast<float>();
+  return fit;
 }
 
 void decode_pca(const PcaModel& model, std::size_t first, std::size_t count,

@@ -8,13 +8,20 @@
 #include "weft/btf/tile.hpp"
 #include "weft/job.hpp"
 #include "weft/model/pca.hpp"
+#include "weft/reference/truncated_svd.hpp"
 
 namespace weft::reference {
 
-// Block Krylov iteration as host/weft/codecs/streamed_svd.hpp describes it, with Householder QR and
-// an SVD of the products; streams the source image run by image run. The tensors of the result are
-// float; info holds nothing yet. Throws input errors as the device encoder does.
-std::unique_ptr<PcaModel> encode_pca(TileSource& source, std::size_t rank, Job& job);
+// A truncated SVD as `request` asks for, its own noise, constant and seed set here; streams the
+// source by runs of images, or by blocks of texels where gram and qr have fewer images' channels
+// than texels. The tensors of the result are float; info holds nothing yet. Throws as the device
+// encoder does.
+struct PcaFit {
+  std::unique_ptr<PcaModel> model;
+  SvdMethod method = SvdMethod::automatic;  // which ran
+  std::size_t passes = 0;
+};
+PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job);
 
 // Images [first, first + count) as [count][P][C].
 void decode_pca(const PcaModel& model, std::size_t first, std::size_t count, std::span<double> out);

@@ -31,7 +31,10 @@ std::unique_ptr<ViewPcaModel> encode_view_pca(TileSource& source, std::size_t ra
   view_job.held.insert(view_job.held.end(), plan.items.begin(), plan.items.end());
   for (std::size_t v = 0; v < shape.views; ++v) {
     ViewSource view(source, v);
-    const std::unique_ptr<PcaModel> pca = encode_pca(view, rank, view_job);
+    SvdRequest request;
+    request.method = SvdMethod::automatic;
+    request.rank = rank;
+    const std::unique_ptr<PcaModel> pca = encode_pca(view, request, view_job).model;
     ranks.push_back(static_cast<std::uint32_t>(pca->rank));
     model->mean.insert(model->mean.end(), pca->mean.begin(), pca->mean.end());
     model->basis.insert(model->basis.end(), pca->basis.begin(), pca->basis.end());
