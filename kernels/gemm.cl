@@ -44,41 +44,74 @@
 #define PACK_ROWS 64
 #endif
 
-// Packs a K x N matrix whose element (k, j) is B[b_offset + k b_row + j b_column].
-// Work-item (panel, block of PACK_ROWS rows).
+// Packs a K x N matrix whose element (k, j) is B[b_offset + k b_row + j b_column]; those of a batch
+// lie b_batch apart. Work-item (panel, block of PACK_ROWS rows, matrix of the batch).
+#define STORE_ROW(s) vstore4((real4)(x0.s, x1.s, x2.s, x3.s), 0, to), to += NR;
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void pack_panels(__global const real* restrict B, ulong b_offset, ulong b_row,
-                          ulong b_column, ulong K, ulong N, __global real* restrict PB) {
+                          ulong b_column, ulong b_batch, ulong K, ulong N,
+                          __global real* restrict PB) {
   const ulong panel = get_global_id(0);
   const ulong k_begin = get_global_id(1) * PACK_ROWS;
   const ulong k_end = min(k_begin + PACK_ROWS, K);
   const ulong j_begin = panel * NR;
-  const ulong columns = min((ulong)NR, N - j_begin);
-  __global const real* b = B + b_offset + j_begin * b_column;
-  __global real* out = PB + panel * K * NR;
-  // A whole panel of a row-major matrix: copy vectors.
+  const uint columns = (uint)min((ulong)NR, N - j_begin);
+  __global const real* b = B + b_offset + get_global_id(2) * b_batch + j_begin * b_column;
+  __global real* out = PB + (get_global_id(2) * get_global_size(0) + panel) * K * NR;
+  ulong k = k_begin;
   if (b_column == 1 && columns == NR) {
-    for (ulong k = k_begin; k < k_end; ++k) {
+    // A whole panel of a row-major matrix: copy vectors.
+    for (; k < k_end; ++k) {
       for (int j = 0; j < NR; j += VW) storev(loadv(b + k * b_row + j), out + k * NR + j);
     }
-    return;
+  } else if (b_row == 1) {
+    // Of a transposed one: turn blocks of 8 rows and 4 columns.
+    for (; k + 8 <= k_end; k += 8) {
+      for (uint j = 0; j < NR; j += 4) {
+        __global const real* from = b + k + j * b_column;
+        __global real* to = out + k * NR + j;
+        real8 x0 = 0, x1 = 0, x2 = 0, x3 = 0;
+        if (j < columns) x0 = vload8(0, from);
+        if (j + 1 < columns) x1 = vload8(0, from + b_column);
+        if (j + 2 < columns) x2 = vload8(0, from + 2 * b_column);
+        if (j + 3 < columns) x3 = vload8(0, from + 3 * b_column);
+        STORE_ROW(s0) STORE_ROW(s1) STORE_ROW(s2) STORE_ROW(s3)
+        STORE_ROW(s4) STORE_ROW(s5) STORE_ROW(s6) STORE_ROW(s7)
+      }
+    }
   }
-  for (ulong k = k_begin; k < k_end; ++k) {
-    for (ulong j = 0; j < columns; ++j) out[k * NR + j] = b[k * b_row + j * b_column];
-    for (ulong j = columns; j < NR; ++j) out[k * NR + j] = 0.0f;
+  for (; k < k_end; ++k) {
+    for (uint j = 0; j < columns; ++j) out[k * NR + j] = b[k * b_row + j * b_column];
+    for (uint j = columns; j < NR; ++j) out[k * NR + j] = 0;
   }
+}
+
+// C = beta C of an M x N matrix; with triangle 1 only columns up to the row, with 2 from it.
+// Work-item (row, matrix of the batch).
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void scale(ulong N, uint triangle, real beta, __global real* restrict C, ulong c_offset,
+                    ulong c_row, ulong c_batch) {
+  const ulong i = get_global_id(0);
+  __global real* c = C + c_offset + i * c_row + get_global_id(1) * c_batch;
+  const ulong last = triangle == 1 ? min(i + 1, N) : N;
+  for (ulong j = triangle == 2 ? i : 0; j < last; ++j) c[j] = beta == 0 ? 0 : beta * c[j];
 }
 
 #define MULTIPLY_ROW(r) MULTIPLY(r, a##r[k])
 #define MULTIPLY_COLUMN(r) MULTIPLY(r, a0[r])
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
 
-// Work-item (macro-tile of columns, macro-tile of rows); tile_columns is a multiple of NR.
+// Work-item (macro-tile of columns, macro-tile of rows, matrix of the batch); tile_columns is a
+// multiple of NR, matrices of a batch lie a_batch, b_batch and c_batch apart.
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __global const real* restrict A,
                    ulong a_offset, ulong a_row, ulong a_column, ulong a_panel,
-                   __global const real* restrict PB, real beta, __global real* restrict C,
-                   ulong c_offset, ulong c_row, ulong c_panel) {
+                   ulong a_batch, __global const real* restrict PB, ulong b_batch, real beta,
+                   __global real* restrict C, ulong c_offset, ulong c_row, ulong c_panel,
+                   ulong c_batch) {
+  const ulong a_begin = a_offset + get_global_id(2) * a_batch;
+  const ulong b_begin = get_global_id(2) * b_batch;
+  const ulong c_begin = c_offset + get_global_id(2) * c_batch;
   const ulong j_begin = get_global_id(0) * tile_columns;
   const ulong i_begin = get_global_id(1) * MC;
   const ulong j_end = min(j_begin + tile_columns, N);
@@ -91,16 +124,16 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
       for (ulong i = i_begin; i < i_end; i += MR) {
         const uint rows = (uint)min((ulong)MR, M - i);
         FOR_ROWS(DECLARE)
-        __global const real* b = PB + (j / NR) * K * NR + k_begin * NR;
+        __global const real* b = PB + b_begin + (j / NR) * K * NR + k_begin * NR;
 #if A_PANELLED
         // A row of A is whole within a panel only.
         for (ulong panel = k_begin; panel < k_end; panel += NR) {
           const uint depth = (uint)min((ulong)NR, k_end - panel);
-          __global const real* a0 = A + a_offset + i * a_row + (panel / NR) * a_panel;
+          __global const real* a0 = A + a_begin + i * a_row + (panel / NR) * a_panel;
 #else
         {
           const uint depth = (uint)(k_end - k_begin);
-          __global const real* a0 = A + a_offset + i * a_row + k_begin * a_column;
+          __global const real* a0 = A + a_begin + i * a_row + k_begin * a_column;
 #endif
 #if A_TRANSPOSED
           if (rows < MR) {
@@ -133,7 +166,7 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
           }
 #endif
         }
-        __global real* c_tile = C + c_offset + i * c_row + (j / NR) * c_panel;
+        __global real* c_tile = C + c_begin + i * c_row + (j / NR) * c_panel;
         if (columns == NR) {
           FOR_ROWS(STORE)
         } else {

@@ -15,6 +15,7 @@ extern const KernelSource decode_lpca;
 extern const KernelSource decode_pca;
 extern const KernelSource error_sums;
 extern const KernelSource gemm;
+extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource peak;
 extern const KernelSource scan_tile;

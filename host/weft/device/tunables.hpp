@@ -75,6 +75,7 @@ extern const TunableKernel convert_tile;
 extern const TunableKernel decode_pca;
 extern const TunableKernel error_sums;
 extern const TunableKernel gemm;
+extern const TunableKernel gemm_tiled;
 extern const TunableKernel scan_tile;
 extern const TunableKernel transcode_tile;
 }  // namespace tunables

@@ -36,6 +36,26 @@ std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N,
   return std::clamp(columns, width, most);
 }
 
+// A packed part stays in the caches, and in memory that is handed out again without page faults.
+constexpr std::size_t most_packed_bytes = std::size_t{24} << 20;
+
+// The columns and matrices of a batch that are packed at a time: whole panels, at least one.
+struct Parts {
+  std::size_t columns = 0;
+  std::size_t batch = 0;
+};
+Parts cut(const Device& device, std::size_t N, std::size_t K, Arithmetic arithmetic,
+          std::size_t batch) {
+  const std::size_t width = panel_width(device, arithmetic);
+  const std::size_t panel_bytes = width * K * size_of(arithmetic);
+  const std::size_t most = std::max<std::size_t>(1, most_packed_bytes / panel_bytes);
+  // parts of the same size
+  const std::size_t panels = ceil_div(N, width);
+  const std::size_t part_panels = ceil_div(panels, ceil_div(panels, most));
+  return {part_panels * width,
+          part_panels < panels ? 1 : std::clamp<std::size_t>(most / panels, 1, batch)};
+}
+
 std::string gemm_options(const Device& device, const Operand& A) {
   return fmt::format("{} {} -DA_TRANSPOSED={} -DA_PANELLED={}", vector_option(device, A.arithmetic),
                      device.tuned_options(tunables::gemm),
@@ -83,16 +103,17 @@ std::size_t gemm_terms(const Device& device, std::size_t K) {
   return std::min(K, depth) + 2 * ceil_div(K, depth) + 3;
 }
 
-void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed) {
+void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed,
+                 std::size_t batch) {
   require_arithmetic(device, B.arithmetic);
   const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS");
   const cl_kernel kernel =
       device.kernel(kernel_sources::gemm, gemm_options(device, {nullptr, 0, 0, 0, 0, B.arithmetic}),
                     "pack_panels");
-  set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(K),
-                ulong(N), packed);
+  set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(B.batch),
+                ulong(K), ulong(N), packed);
   launch_items(device, kernel, ceil_div(N, panel_width(device, B.arithmetic)),
-               ceil_div(K, pack_rows));
+               ceil_div(K, pack_rows), batch);
 }
 
 Result to_row_major(const Device& device, Buffer& buffer, std::size_t leading, std::size_t offset,
@@ -106,27 +127,60 @@ Result to_panels(const Device& device, Buffer& buffer, std::size_t rows, Arithme
 }
 
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
-                 const Operand& A, const Buffer& packed_b, double beta, const Result& C) {
+                 const Operand& A, const Buffer& packed_b, double beta, const Result& C,
+                 std::size_t batch) {
   require_arithmetic(device, A.arithmetic);
   const std::size_t columns = macro_columns(device, M, N, A.arithmetic);
   const std::size_t macro_rows = device.parameter(tunables::gemm, "MC");
   const cl_kernel kernel = device.kernel(kernel_sources::gemm, gemm_options(device, A), "gemm");
-  with_real(A.arithmetic, [&](auto real) {
-    using Real = decltype(real);
+  with_real(A.arithmetic, [&](auto zero) {
+    using Real = decltype(zero);
     set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), static_cast<Real>(alpha),
                   *A.buffer, ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel),
-                  packed_b, static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row),
-                  ulong(C.panel));
+                  ulong(A.batch), packed_b, ulong(packed_elements(device, K, N, A.arithmetic)),
+                  static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row), ulong(C.panel),
+                  ulong(C.batch));
   });
-  launch_items(device, kernel, ceil_div(N, columns), ceil_div(M, macro_rows));
+  launch_items(device, kernel, ceil_div(N, columns), ceil_div(M, macro_rows), batch);
+}
+
+std::size_t gemm_bytes(const Device& device, std::size_t N, std::size_t K, Arithmetic arithmetic,
+                       std::size_t batch) {
+  const Parts parts = cut(device, N, K, arithmetic, batch);
+  return packed_elements(device, K, parts.columns, arithmetic) * parts.batch * size_of(arithmetic);
 }
 
 void gemm(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
-          const Operand& A, const Operand& B, double beta, const Result& C) {
-  Buffer packed(device, packed_elements(device, K, N, B.arithmetic) * size_of(B.arithmetic),
-                "packed matrix");
-  pack_panels(device, B, K, N, packed);
-  gemm_packed(device, M, N, K, alpha, A, packed, beta, C);
+          const Operand& A, const Operand& B, double beta, const Result& C, std::size_t batch) {
+  const std::size_t width = panel_width(device, B.arithmetic);
+  const Parts parts = cut(device, N, K, B.arithmetic, batch);
+  Buffer packed(device, gemm_bytes(device, N, K, B.arithmetic, batch), "packed matrix");
+  for (std::size_t first = 0; first < batch; first += parts.batch) {
+    const std::size_t count = std::min(parts.batch, batch - first);
+    Operand a = A;
+    a.offset += first * A.batch;
+    for (std::size_t j = 0; j < N; j += parts.columns) {
+      const std::size_t columns = std::min(parts.columns, N - j);
+      Operand b = B;
+      b.offset += first * B.batch + j * B.column;
+      Result c = C;
+      c.offset += first * C.batch + j / width * C.panel;
+      pack_panels(device, b, K, columns, packed, count);
+      gemm_packed(device, M, columns, K, alpha, a, packed, beta, c, count);
+    }
+  }
+}
+
+void scale_matrix(Device& device, std::size_t M, std::size_t N, double beta, const Result& C,
+                  Arithmetic arithmetic, std::size_t batch, unsigned triangle) {
+  require_arithmetic(device, arithmetic);
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::gemm, gemm_options(device, {nullptr, 0, 0, 0, 0, arithmetic}), "scale");
+  with_real(arithmetic, [&](auto zero) {
+    set_arguments(kernel, ulong(N), cl_uint{triangle}, static_cast<decltype(zero)>(beta), *C.buffer,
+                  ulong(C.offset), ulong(C.row), ulong(C.batch));
+  });
+  launch_items(device, kernel, M, batch);
 }
 
 }  // namespace weft::ops

@@ -6,10 +6,10 @@
 
 namespace weft::ops {
 
-void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y) {
-  if (x == 0 || y == 0) return;
-  const std::array<std::size_t, 2> global{x, y};
-  const std::array<std::size_t, 2> local{1, 1};
+void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y, std::size_t z) {
+  if (x == 0 || y == 0 || z == 0) return;
+  const std::array<std::size_t, 3> global{x, y, z};
+  const std::array<std::size_t, 3> local{1, 1, 1};
   device.launch(kernel, global, local);
 }
 

@@ -24,7 +24,8 @@ constexpr std::size_t round_up(std::size_t a, std::size_t b) {
 }
 
 // Launches a kernel whose work-groups are single work-items. Nothing for an empty range.
-void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y = 1);
+void launch_items(Device& device, cl_kernel kernel, std::size_t x, std::size_t y = 1,
+                  std::size_t z = 1);
 
 // Lanes of the vectors that the CPU-shaped kernels use on this device, and columns of a panel.
 std::size_t vector_width(const Device& device, Arithmetic arithmetic = Arithmetic::f32);

@@ -58,32 +58,46 @@ std::size_t syrk_terms(const Device& device, std::size_t m, std::size_t K, Arith
 
 void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
                  double beta, Buffer& C, std::size_t leading, Arithmetic arithmetic) {
+  syrk_packed(device, m, K, alpha, packed, beta, to_row_major(device, C, leading, 0, arithmetic),
+              Written::blocks, arithmetic);
+}
+
+void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
+                 double beta, const Result& C, Written written, Arithmetic arithmetic) {
   require_arithmetic(device, arithmetic);
   if (m == 0) return;
   const std::size_t width = panel_width(device, arithmetic);
   const Slices slices = cut(device, m, K, arithmetic);
-  const std::string options =
-      fmt::format("{} -DMC={} -DTC={} -DKC={}", vector_option(device, arithmetic), macro_rows,
-                  macro_panels * width, block_panels * width);
-  const cl_kernel kernel = device.kernel(kernel_sources::syrk, options, "syrk_packed");
   const std::size_t column_tiles = ceil_div(m, macro_panels * width);
   const std::size_t row_tiles = ceil_div(m, macro_rows);
+  const auto kernel_of = [&](const char* name, Written triangle) {
+    return device.kernel(
+        kernel_sources::syrk,
+        fmt::format("{} -DMC={} -DTC={} -DKC={} -DTRIANGLE={}", vector_option(device, arithmetic),
+                    macro_rows, macro_panels * width, block_panels * width,
+                    1 + static_cast<int>(triangle)),
+        name);
+  };
   with_real(arithmetic, [&](auto zero) {
     using Real = decltype(zero);
     if (slices.count == 1) {
+      const cl_kernel kernel = kernel_of("syrk_packed", written);
       set_arguments(kernel, ulong(m), ulong(K), ulong(slices.depth), static_cast<Real>(alpha),
-                    packed, static_cast<Real>(beta), C, ulong(leading), ulong(0));
+                    packed, static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row),
+                    ulong(0));
       launch_items(device, kernel, column_tiles, row_tiles);
       return;
     }
     const std::size_t row = round_up(m, width);
     Buffer partial(device, syrk_bytes(device, m, K, arithmetic), "partial sums of a product");
+    const cl_kernel kernel = kernel_of("syrk_packed", Written::blocks);
     set_arguments(kernel, ulong(m), ulong(K), ulong(slices.depth), Real{1}, packed, Real{0},
-                  partial, ulong(row), ulong(m * row));
+                  partial, ulong(0), ulong(row), ulong(m * row));
     launch_items(device, kernel, column_tiles, row_tiles * slices.count);
-    const cl_kernel add = device.kernel(kernel_sources::syrk, options, "add_slices");
-    set_arguments(add, ulong(slices.count), ulong(row), ulong(m * row), static_cast<Real>(alpha),
-                  partial, static_cast<Real>(beta), C, ulong(leading));
+    const cl_kernel add = kernel_of("add_slices", written);
+    set_arguments(add, ulong(m), ulong(slices.count), ulong(row), ulong(m * row),
+                  static_cast<Real>(alpha), partial, static_cast<Real>(beta), *C.buffer,
+                  ulong(C.offset), ulong(C.row));
     launch_items(device, add, m);
   });
 }

@@ -5,6 +5,7 @@
 
 #include "weft/device/device.hpp"
 #include "weft/ops/arithmetic.hpp"
+#include "weft/ops/gemm.hpp"
 
 namespace weft::ops {
 
@@ -17,6 +18,12 @@ namespace weft::ops {
 void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
                  double beta, Buffer& C, std::size_t leading,
                  Arithmetic arithmetic = Arithmetic::f32);
+
+// The same into a part of C, in other triangles. Written::blocks is the form above; with the others
+// only C(i, j), j <= i or j >= i, is read and written.
+enum class Written { blocks, lower, upper };
+void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
+                 double beta, const Result& C, Written written, Arithmetic arithmetic);
 
 // Bytes of the partial sums that syrk_packed() holds on the device.
 std::size_t syrk_bytes(const Device& device, std::size_t m, std::size_t K,
