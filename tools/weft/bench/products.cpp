@@ -6,6 +6,7 @@
 #include "bench/benchmark.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
+#include "weft/ops/matrix_product.hpp"
 #include "weft/ops/syrk.hpp"
 
 namespace weft {
@@ -33,6 +34,23 @@ Benchmark product(std::size_t M, std::size_t N, std::size_t K,
       ops::gemm(device, M, N, K, 1, ops::row_major(device, *A, K, 0, arithmetic),
                 ops::row_major(device, *B, N, 0, arithmetic), 0,
                 ops::to_row_major(device, *C, N, 0, arithmetic));
+    };
+  };
+  return benchmark;
+}
+
+// The same with the kernels for GPUs.
+Benchmark tiled_product(std::size_t n) {
+  const auto size = static_cast<double>(n);
+  Benchmark benchmark{"gemm (tiles)", fmt::format("{} x {} x {}", n, n, n), 2 * size * size * size,
+                      12 * size * size};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto A = std::make_shared<Buffer>(random_buffer(device, n * n, "A"));
+    const auto B = std::make_shared<Buffer>(random_buffer(device, n * n, "B"));
+    const auto C = std::make_shared<Buffer>(device, n * n * sizeof(float), "C");
+    return [=, &device] {
+      ops::gemm(device, ops::Transpose::no, ops::Transpose::no, n, n, n, 1, {*A, n}, {*B, n}, 0,
+                {*C, n}, {Arithmetic::f32, ops::Family::tiles, 1});
     };
   };
   return benchmark;
@@ -93,6 +111,7 @@ std::vector<Benchmark> product_benchmarks() {
       product(100000, 256, 300),
       product(100000, 300, 64),
       product(1024, 1024, 1024, Arithmetic::f64),
+      tiled_product(512),
       gram_matrix(2048, 2048),
       gram_matrix(81, 250000),
       gram_matrix(243, 130000),

@@ -4,6 +4,7 @@
 
 #include "tune/trial.hpp"
 #include "weft/ops/gemm.hpp"
+#include "weft/ops/matrix_product.hpp"
 #include "weft/reference/gemm.hpp"
 #include "weft/reference/random.hpp"
 
@@ -50,12 +51,30 @@ struct SmallProduct {
                 ops::to_row_major(device, C, N));
       std::vector<float> actual(M * N);
       device.read(C, std::span<float>(actual));
-      const double unit = error_bound(K + 3, float_unit);
-      const std::string wrong =
-          difference(actual, expected, [&](std::size_t i) { return unit * magnitude[i]; });
+      const std::string wrong = difference_of(actual);
       if (!wrong.empty()) return wrong;
     }
     return {};
+  }
+
+  // The same by the kernels for GPUs.
+  std::string check_tiles(Device& device) {
+    for (const bool transposed : {false, true}) {
+      device.write(C, std::span<const float>(host_C));
+      ops::gemm(device, transposed ? ops::Transpose::yes : ops::Transpose::no, ops::Transpose::no,
+                M, N, K, 1, {transposed ? A_turned : A, transposed ? M : K}, {B, N}, -0.5, {C, N},
+                {Arithmetic::f32, ops::Family::tiles, 1});
+      std::vector<float> actual(M * N);
+      device.read(C, std::span<float>(actual));
+      const std::string wrong = difference_of(actual);
+      if (!wrong.empty()) return wrong;
+    }
+    return {};
+  }
+
+  std::string difference_of(const std::vector<float>& actual) const {
+    const double unit = error_bound(K + 3, float_unit);
+    return difference(actual, expected, [&](std::size_t i) { return unit * magnitude[i]; });
   }
 
   std::vector<float> host_A, host_B, host_C;
@@ -63,9 +82,9 @@ struct SmallProduct {
   Buffer A, A_turned, B, C;
 };
 
-Benchmark product(const std::string& shape) {
+Benchmark product(const std::string& operation, const std::string& shape) {
   for (Benchmark& benchmark : product_benchmarks()) {
-    if (benchmark.operation == "gemm" && benchmark.shape == shape) return std::move(benchmark);
+    if (benchmark.operation == operation && benchmark.shape == shape) return std::move(benchmark);
   }
   return {};
 }
@@ -73,9 +92,15 @@ Benchmark product(const std::string& shape) {
 }  // namespace
 
 std::vector<Trial> product_trials() {
-  return {{&tunables::gemm, product("2048 x 2048 x 2048"), [](Device& device) -> Check {
+  return {{&tunables::gemm, product("gemm", "2048 x 2048 x 2048"),
+           [](Device& device) -> Check {
              const auto small = std::make_shared<SmallProduct>(device);
              return [small, &device] { return small->check(device); };
+           }},
+          {&tunables::gemm_tiled, product("gemm (tiles)", "512 x 512 x 512"),
+           [](Device& device) -> Check {
+             const auto small = std::make_shared<SmallProduct>(device);
+             return [small, &device] { return small->check_tiles(device); };
            }}};
 }
 
