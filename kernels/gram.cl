@@ -23,8 +23,13 @@
 //         float; G is then that of the scaled columns.
 #include "vector_width.cl"
 
+// SUM_ROWS  rows of a chunk that are summed in double before they are added to the sum so far: errors
+//           grow with them and with the number of blocks, not with the rows of a chunk
 #ifndef DOUBLE
 #define DOUBLE 0
+#endif
+#ifndef SUM_ROWS
+#define SUM_ROWS 512
 #endif
 
 #define FOR_ROWS(X) X(0) X(1) X(2) X(3)
@@ -51,6 +56,8 @@ typedef double8 sum_t;
 #define DECLARE(r) sum_t s##r = 0, e##r = 0;
 #define DECLARE_SCALE(r)
 #define ADD(r) s##r = fma((sum_t)((double)x[r]), z, s##r);
+// e sums the blocks, s the rows of one.
+#define END_BLOCK(r) e##r += s##r; s##r = 0;
 #else
 typedef float part_t;
 typedef float2 pair_t;
@@ -71,6 +78,7 @@ typedef float8 sum_t;
     e##r += (s##r - (sum - part)) + (product - part) + product_error; \
     s##r = sum;                                                       \
   }
+#define END_BLOCK(r)
 #endif
 
 void store_row(__global pair_t* out, sum_t high, sum_t low, uint columns) {
@@ -106,9 +114,13 @@ __kernel void gram(ulong n, ulong chunk_rows, ulong columns_x, ulong columns_z,
     __global const real* z_row_begin = z_column + begin * z_row;
     FOR_ROWS(DECLARE)
     FOR_ROWS(DECLARE_SCALE)
-    for (ulong p = begin; p < end; ++p, x += x_row, z_row_begin += z_row) {
-      const sum_t z = LOAD(z_row_begin);
-      FOR_ROWS(ADD)
+    for (ulong block = begin; block < end; block += SUM_ROWS) {
+      const ulong block_end = min(block + SUM_ROWS, end);
+      for (ulong p = block; p < block_end; ++p, x += x_row, z_row_begin += z_row) {
+        const sum_t z = LOAD(z_row_begin);
+        FOR_ROWS(ADD)
+      }
+      FOR_ROWS(END_BLOCK)
     }
     FOR_ROWS(STORE)
   }

@@ -32,11 +32,11 @@ Bounds bounds_of(const Case& what, const Matrix& matrix, const ReferenceSvd& tru
   const double norm = std::sqrt(squares) / sigma[0];  // |X| in units of sigma_1, as all below
 
   // What every path does at its end: V rounded to the arithmetic, products X V with sums of m terms
-  // in blocks of 240 at most, and inner products of their columns in double by chunks of
-  // max(512, K / 64) rows. Those may be as long as to make the worst signs felt.
+  // in blocks of 240 at most, and inner products of their columns in double (ops/gram.hpp), for
+  // the worst signs.
   const double products =
       2 * norm * (roundings(std::min(m, 240.0) + m / 240 + 2, u) + roundings(m, u));
-  const double chunk = std::max(std::min(K, 512.0), K / 64) + 64;
+  const double chunk = std::min(K, 512.0) + K / (64 * 512) + 66;
   const double inner = chunk * 0x1p-53;
   const double common = products + inner;
   // Directions below this are given up as noise.

@@ -172,6 +172,26 @@ TEST_P(Gram, NonFiniteValuesShow) {
   }
 }
 
+// 10^7 equal terms, which are rounded alike: errors add up as they can. The columns are one row,
+// read again and again.
+TEST_P(Gram, LongSums) {
+  const std::size_t n = 10'000'000;
+  const std::vector<float> X{0.1f, 0.3f};
+  GuardedColumns x(X, 1, 2, true);
+  x.columns.row = 0;
+  const std::vector<double> G = ops::gram(shared_device(), n, x.columns, x.columns, GetParam());
+  const bool in_double = GetParam() == GramSums::best && shared_device().limits().has_fp64;
+  const double chunk = static_cast<double>(n) / 64;
+  const double bound = in_double ? (577 + chunk / 512 + 2) * double_roundoff
+                                 : std::pow(gamma(2 * chunk, float_roundoff), 2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      const double expected = double{X[i]} * double{X[j]} * static_cast<double>(n);
+      EXPECT_NEAR(G[i * 2 + j], expected, bound * expected);
+    }
+  }
+}
+
 TEST_P(Gram, NoColumnsGiveNothing) {
   const std::vector<float> X(24, 1.0f);
   GuardedColumns x(X, 1, 24, true);

@@ -36,8 +36,9 @@ std::size_t gram_bytes(std::size_t n, std::size_t count_x, std::size_t count_z);
 
 // G(i, j) = sum over p < n of X(p, i) Z(p, j), row-major count_x x count_z; waits for the device. X
 // and Z are of one arithmetic; columns of doubles are summed in double.
-// With double, |error| <= n 2^-53 sum |X Z|. With pairs, sums of c = max(512, n / 64) rows have
-// |error| <= (2 c 2^-24)^2 sum |X Z| at worst, and columns may be of any magnitude.
+// Sums are those of chunks of c = max(512, n / 64) rows. With double, |error| <= t 2^-53 sum |X Z|,
+// t = 577 + c / 512 for n >= 512, since chunks are blocked as well. With pairs, |error| <= (2 c
+// 2^-24)^2 sum |X Z| at worst, and columns may be of any magnitude.
 std::vector<double> gram(Device& device, std::size_t n, const Columns& X, const Columns& Z,
                          GramSums sums = GramSums::best);
 
