@@ -24,7 +24,6 @@
 // KC  depth of a block, a multiple of NR
 // A_TRANSPOSED  1 if a_row is 1: the values that a micro-tile takes of a column are neighbours
 // A_PANELLED    1 if A is in panels
-// PACK_ROWS  rows that one work-item of pack_panels packs
 #include "vector_width.cl"
 #include "micro_tile.cl"
 
@@ -40,20 +39,17 @@
 #ifndef A_PANELLED
 #define A_PANELLED 0
 #endif
-#ifndef PACK_ROWS
-#define PACK_ROWS 64
-#endif
 
 // Packs a K x N matrix whose element (k, j) is B[b_offset + k b_row + j b_column]; those of a batch
-// lie b_batch apart. Work-item (panel, block of PACK_ROWS rows, matrix of the batch).
+// lie b_batch apart. Work-item (panel, block of `rows` rows, matrix of the batch).
 #define STORE_ROW(s) vstore4((real4)(x0.s, x1.s, x2.s, x3.s), 0, to), to += NR;
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void pack_panels(__global const real* restrict B, ulong b_offset, ulong b_row,
-                          ulong b_column, ulong b_batch, ulong K, ulong N,
+                          ulong b_column, ulong b_batch, ulong K, ulong N, ulong rows,
                           __global real* restrict PB) {
   const ulong panel = get_global_id(0);
-  const ulong k_begin = get_global_id(1) * PACK_ROWS;
-  const ulong k_end = min(k_begin + PACK_ROWS, K);
+  const ulong k_begin = get_global_id(1) * rows;
+  const ulong k_end = min(k_begin + rows, K);
   const ulong j_begin = panel * NR;
   const uint columns = (uint)min((ulong)NR, N - j_begin);
   __global const real* b = B + b_offset + get_global_id(2) * b_batch + j_begin * b_column;

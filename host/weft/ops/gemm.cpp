@@ -106,12 +106,14 @@ std::size_t gemm_terms(const Device& device, std::size_t K) {
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed,
                  std::size_t batch) {
   require_arithmetic(device, B.arithmetic);
-  const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS");
+  // Rows of a transposed matrix are neighbours in memory: long runs of them.
+  const std::size_t pack_rows = device.parameter(tunables::gemm, "PACK_ROWS") *
+                                (B.layout == Operand::Layout::transposed ? 16 : 1);
   const cl_kernel kernel =
       device.kernel(kernel_sources::gemm, gemm_options(device, {nullptr, 0, 0, 0, 0, B.arithmetic}),
                     "pack_panels");
   set_arguments(kernel, *B.buffer, ulong(B.offset), ulong(B.row), ulong(B.column), ulong(B.batch),
-                ulong(K), ulong(N), packed);
+                ulong(K), ulong(N), ulong(pack_rows), packed);
   launch_items(device, kernel, ceil_div(N, panel_width(device, B.arithmetic)),
                ceil_div(K, pack_rows), batch);
 }

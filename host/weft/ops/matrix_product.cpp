@@ -11,8 +11,8 @@
 
 namespace weft::ops {
 namespace {
-// Packed rows of a long matrix at a time; see gemm.cpp.
-constexpr std::size_t most_packed_bytes = std::size_t{24} << 20;
+// Packed rows of a long matrix at a time: they stay in the caches.
+constexpr std::size_t most_packed_bytes = std::size_t{8} << 20;
 
 bool in_tiles(const Device& device, Family family) {
   return family == Family::tiles || (family == Family::automatic && !device.limits().is_cpu);
