@@ -16,11 +16,19 @@
 //   W: [G][n_padded][ld]       columns j < k: sum over the cluster's texels of (a_p - mu_g) U[p, j];
 //                              column k: mu_g
 //
-// BLOCK  panels whose products are summed before they are added to the rest: float sums stay short
+// BLOCK    panels whose products are summed before they are added to the rest: float sums stay short
+// ROWS     rows that a work-item sorts and centres
+// VECTORS  groups of eight texels that a work-item assigns
 #include "vector_width.cl"
 
 #ifndef BLOCK
 #define BLOCK 32
+#endif
+#ifndef ROWS
+#define ROWS 8
+#endif
+#ifndef VECTORS
+#define VECTORS 8
 #endif
 
 inline float sum8(float8 x) {
@@ -29,62 +37,75 @@ inline float sum8(float8 x) {
 }
 
 // Sorts a tile's texels by cluster and removes the mean of each cluster, which becomes column k of W;
-// padding is zero. squares[r][g]: sum of the squares of what is left. Work-item (row).
+// padding is zero. squares[r][g]: sum of the squares of what is left. A texel's rows are near each
+// other in the tile, and gathered together. Work-item (cluster, ROWS rows).
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void centre_clusters(ulong rows, ulong first_row, ulong clusters, ulong n_padded, ulong ld,
                               ulong k, __global const uint* restrict order,
                               __global const uint* restrict panels, __global const uint* restrict first,
                               __global const float* restrict tile, __global float* restrict sorted,
                               __global float* restrict W, __global float* restrict squares) {
-  const ulong row = get_global_id(0);
+  const ulong g = get_global_id(0);
+  const ulong row = get_global_id(1) * ROWS;
+  const uint row_count = (uint)min((ulong)ROWS, rows - row);
   __global const float* in = tile + row * NR;
-  for (ulong g = 0; g < clusters; ++g) {
-    // gather, and sum block by block
-    float sum = 0.0f;
-    uint size = 0;
-    for (ulong block = first[g]; block < first[g + 1]; block += BLOCK) {
-      const ulong end = min(block + BLOCK, (ulong)first[g + 1]);
-      float8 part = 0.0f;
-      for (ulong panel = block; panel < end; ++panel) {
-        __global const uint* slots = order + panel * NR;
-        const uint valid = panels[2 * panel + 1];
+  float means[ROWS], sums[ROWS];
+  for (uint r = 0; r < ROWS; ++r) sums[r] = 0.0f;
+  // gather, and sum block by block
+  uint size = 0;
+  for (ulong block = first[g]; block < first[g + 1]; block += BLOCK) {
+    const ulong end = min(block + BLOCK, (ulong)first[g + 1]);
+    float8 part[ROWS];
+    for (uint r = 0; r < ROWS; ++r) part[r] = 0.0f;
+    for (ulong panel = block; panel < end; ++panel) {
+      __global const uint* slots = order + panel * NR;
+      const uint valid = panels[2 * panel + 1];
+      ulong offsets[NR];
+      for (uint slot = 0; slot < NR; ++slot) {
+        const uint p = slots[slot];
+        offsets[slot] = (ulong)(p / NR) * rows * NR + p % NR;
+      }
+      __global float* out = sorted + (panel * rows + row) * NR;
+      for (uint r = 0; r < row_count; ++r) {
         float lanes[NR];
-        for (uint slot = 0; slot < NR; ++slot) {
-          const uint p = slots[slot];
-          lanes[slot] = in[(ulong)(p / NR) * rows * NR + p % NR];
-        }
+        for (uint slot = 0; slot < NR; ++slot) lanes[slot] = in[offsets[slot] + r * NR];
         for (uint slot = valid; slot < NR; ++slot) lanes[slot] = 0.0f;
-        __global float* out = sorted + (panel * rows + row) * NR;
         for (uint slot = 0; slot < NR; slot += 8) {
           const float8 x = vload8(0, lanes + slot);
-          vstore8(x, 0, out + slot);
-          part += x;
+          vstore8(x, 0, out + r * NR + slot);
+          part[r] += x;
         }
-        size += valid;
       }
-      sum += sum8(part);
+      size += valid;
     }
-    const float mean = size > 0 ? sum / (float)size : 0.0f;
-    W[(g * n_padded + first_row + row) * ld + k] = mean;
-    // centre
-    float square = 0.0f;
-    for (ulong block = first[g]; block < first[g + 1]; block += BLOCK) {
-      const ulong end = min(block + BLOCK, (ulong)first[g + 1]);
-      float8 part = 0.0f;
-      for (ulong panel = block; panel < end; ++panel) {
-        const uint valid = panels[2 * panel + 1];
-        __global float* out = sorted + (panel * rows + row) * NR;
+    for (uint r = 0; r < row_count; ++r) sums[r] += sum8(part[r]);
+  }
+  for (uint r = 0; r < row_count; ++r) {
+    means[r] = size > 0 ? sums[r] / (float)size : 0.0f;
+    W[(g * n_padded + first_row + row + r) * ld + k] = means[r];
+    sums[r] = 0.0f;
+  }
+  // centre
+  for (ulong block = first[g]; block < first[g + 1]; block += BLOCK) {
+    const ulong end = min(block + BLOCK, (ulong)first[g + 1]);
+    float8 part[ROWS];
+    for (uint r = 0; r < ROWS; ++r) part[r] = 0.0f;
+    for (ulong panel = block; panel < end; ++panel) {
+      const int valid = (int)panels[2 * panel + 1];
+      __global float* out = sorted + (panel * rows + row) * NR;
+      for (uint r = 0; r < row_count; ++r) {
         for (uint slot = 0; slot < NR; slot += 8) {
           const int8 lane = (int8)(0, 1, 2, 3, 4, 5, 6, 7) + (int8)(int)slot;
-          const float8 x = select((float8)0.0f, vload8(0, out + slot) - mean, lane < (int8)(int)valid);
-          vstore8(x, 0, out + slot);
-          part = fma(x, x, part);
+          const float8 centred = vload8(0, out + r * NR + slot) - means[r];
+          const float8 x = select((float8)0.0f, centred, lane < (int8)valid);
+          vstore8(x, 0, out + r * NR + slot);
+          part[r] = fma(x, x, part[r]);
         }
       }
-      square += sum8(part);
     }
-    squares[(first_row + row) * clusters + g] = square;
+    for (uint r = 0; r < row_count; ++r) sums[r] += sum8(part[r]);
   }
+  for (uint r = 0; r < row_count; ++r) squares[(first_row + row + r) * clusters + g] = sums[r];
 }
 
 #define FOR_PAIRS(X)                                                                    \
@@ -166,42 +187,55 @@ __kernel void add_texel_squares(ulong rows, ulong first_row, __global const floa
 //   error:   [leading]               squared distance from it, 0 where that is below the margin
 //   coefficients: [leading][k]       b_gj . (a_p - mu_g)
 //
-// Work-item (eight texels).
+// Work-item (8 VECTORS texels).
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void assign_clusters(ulong clusters, ulong k, ulong leading, float margin,
                               __global const float* restrict scores, __global const float* restrict offsets,
                               __global const float* restrict squares, __global uint* restrict label,
                               __global float* restrict error, __global float* restrict coefficients) {
-  const ulong p = get_global_id(0) * 8;
-  const float8 square = vload8(0, squares + p);
-  const uint8 own = vload8(0, label + p);
-  float8 least = INFINITY, own_distance = INFINITY;
-  uint8 nearest = own;
+  const ulong begin = get_global_id(0) * 8 * VECTORS;
+  const uint count = (uint)min((ulong)VECTORS, (leading - begin) / 8);
+  float8 least[VECTORS], own_distance[VECTORS], distance[VECTORS];
+  uint8 own[VECTORS], nearest[VECTORS];
+  for (uint v = 0; v < count; ++v) {
+    own[v] = nearest[v] = vload8(0, label + begin + 8 * v);
+    least[v] = own_distance[v] = INFINITY;
+  }
   for (ulong g = 0; g < clusters; ++g) {
     __global const float* offset = offsets + g * (k + 1);
-    __global const float* score = scores + g * (k + 1) * leading + p;
+    __global const float* score = scores + g * (k + 1) * leading + begin;
     // offset[k] is infinite for a cluster that nothing may be put into
-    float8 distance = offset[k] - 2.0f * vload8(0, score + k * leading);
-    for (ulong j = 0; j < k; ++j) {
-      const float8 c = vload8(0, score + j * leading) - offset[j];
-      distance = fma(-c, c, distance);
+    for (uint v = 0; v < count; ++v) {
+      distance[v] = offset[k] - 2.0f * vload8(0, score + k * leading + 8 * v);
     }
-    const int8 nearer = distance < least;
-    least = select(least, distance, nearer);
-    nearest = select(nearest, (uint8)(uint)g, nearer);
-    own_distance = select(own_distance, distance, own == (uint8)(uint)g);
-  }
-  const int8 moves = least < own_distance - margin * square;
-  const uint8 chosen = select(own, nearest, moves);
-  const float8 distance = square + select(own_distance, least, moves);
-  vstore8(chosen, 0, label + p);
-  vstore8(distance > margin * square ? distance : (float8)0.0f, 0, error + p);
-  uint lanes[8];
-  vstore8(chosen, 0, lanes);
-  for (uint lane = 0; lane < 8; ++lane) {
-    const ulong row = lanes[lane] * (k + 1);
     for (ulong j = 0; j < k; ++j) {
-      coefficients[(p + lane) * k + j] = scores[(row + j) * leading + p + lane] - offsets[row + j];
+      for (uint v = 0; v < count; ++v) {
+        const float8 c = vload8(0, score + j * leading + 8 * v) - offset[j];
+        distance[v] = fma(-c, c, distance[v]);
+      }
+    }
+    for (uint v = 0; v < count; ++v) {
+      const int8 nearer = distance[v] < least[v];
+      least[v] = select(least[v], distance[v], nearer);
+      nearest[v] = select(nearest[v], (uint8)(uint)g, nearer);
+      own_distance[v] = select(own_distance[v], distance[v], own[v] == (uint8)(uint)g);
+    }
+  }
+  for (uint v = 0; v < count; ++v) {
+    const ulong p = begin + 8 * v;
+    const float8 square = vload8(0, squares + p);
+    const int8 moves = least[v] < own_distance[v] - margin * square;
+    const uint8 chosen = select(own[v], nearest[v], moves);
+    const float8 squared = square + select(own_distance[v], least[v], moves);
+    vstore8(chosen, 0, label + p);
+    vstore8(squared > margin * square ? squared : (float8)0.0f, 0, error + p);
+    uint lanes[8];
+    vstore8(chosen, 0, lanes);
+    for (uint lane = 0; lane < 8; ++lane) {
+      const ulong row = lanes[lane] * (k + 1);
+      for (ulong j = 0; j < k; ++j) {
+        coefficients[(p + lane) * k + j] = scores[(row + j) * leading + p + lane] - offsets[row + j];
+      }
     }
   }
 }
