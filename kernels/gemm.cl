@@ -95,6 +95,8 @@ __kernel void scale(ulong N, uint triangle, real beta, __global real* restrict C
 
 #define MULTIPLY_ROW(r) MULTIPLY(r, a##r[k])
 #define MULTIPLY_COLUMN(r) MULTIPLY(r, a0[r])
+#define NARROW_ROW(r) MULTIPLY_NARROW(r, a##r[k])
+#define NARROW_COLUMN(r) MULTIPLY_NARROW(r, a0[r])
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
 
 // Work-item (macro-tile of columns, macro-tile of rows, matrix of the batch); tile_columns is a
@@ -137,6 +139,12 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
               const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_EDGE)
             }
+          } else if (columns <= VW) {
+#pragma unroll 4
+            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+              const realv b0 = loadv(b);
+              FOR_ROWS(NARROW_COLUMN)
+            }
           } else {
 #pragma unroll 4
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
@@ -155,10 +163,18 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
           __global const real* a6 = a5 + (rows > 6 ? a_row : 0);
           __global const real* a7 = a6 + (rows > 7 ? a_row : 0);
 #endif
+          if (columns <= VW) {
 #pragma unroll 4
-          for (uint k = 0; k < depth; ++k, b += NR) {
-            const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
-            FOR_ROWS(MULTIPLY_ROW)
+            for (uint k = 0; k < depth; ++k, b += NR) {
+              const realv b0 = loadv(b);
+              FOR_ROWS(NARROW_ROW)
+            }
+          } else {
+#pragma unroll 4
+            for (uint k = 0; k < depth; ++k, b += NR) {
+              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+              FOR_ROWS(MULTIPLY_ROW)
+            }
           }
 #endif
         }

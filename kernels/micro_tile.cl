@@ -3,6 +3,7 @@
 //
 //   DECLARE(r)          row r of the tile, zero
 //   MULTIPLY(r, value)  adds value (b0 b1 b2), the panel's row k
+//   MULTIPLY_NARROW     the same with b0 alone
 //   STORE(r)            c = alpha tile + block_beta c with c = c_tile + r c_row, where r < rows
 //   STORE_EDGE(r)       the same for the first `columns` columns
 //
@@ -25,6 +26,9 @@
     y##r = fma(t, b1, y##r);   \
     z##r = fma(t, b2, z##r);   \
   }
+
+// The first vector of the row alone, for panels of no more columns.
+#define MULTIPLY_NARROW(r, value) x##r = fma((realv)(value), b0, x##r);
 
 #define STORE(r)                                                           \
   if (r < rows) {                                                          \

@@ -37,7 +37,7 @@ std::size_t macro_columns(const Device& device, std::size_t M, std::size_t N,
 }
 
 // A packed part stays in the caches, and in memory that is handed out again without page faults.
-constexpr std::size_t most_packed_bytes = std::size_t{24} << 20;
+constexpr std::size_t most_packed_bytes = std::size_t{8} << 20;
 
 // The columns and matrices of a batch that are packed at a time: whole panels, at least one.
 struct Parts {
