@@ -31,6 +31,7 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   bool running();
+  pid_t id() const { return id_; }
   void send_signal(int signal);
   // Waits for its end; past `seconds` it is killed.
   ProcessResult wait(double seconds = 240);

@@ -1,9 +1,11 @@
 #include "weft/codecs/streamed_svd.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "weft/codecs/krylov_basis.hpp"
 #include "weft/codecs/svd_methods.hpp"
+#include "weft/codecs/svd_projection.hpp"
 #include "weft/error.hpp"
 #include "weft/ops/gram.hpp"
 #include "weft/ops/launch.hpp"
@@ -61,19 +63,27 @@ MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
                KrylovBasis::bytes(device, shape, block, (KrylovBasis::most_blocks + 1) * block));
     }
   } else {
+    // The first pass, and what follows when its buffers are gone.
+    MemoryPlan first;
     if (target.method == SvdMethod::gram) {
-      plan.add("Gram matrix", m * m * size_of(shape.arithmetic) +
-                                  ops::syrk_bytes(device, m, shape.granule, shape.arithmetic));
+      first.add("Gram matrix", m * m * size_of(shape.arithmetic) +
+                                   ops::syrk_bytes(device, m, shape.granule, shape.arithmetic));
     } else {
-      plan.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic));
+      first.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic));
     }
+    first.add("small problem", m * m * sizeof(double));
     plan.add("small problem", 6 * m * m * sizeof(double));
-    // the basis packed and transposed, and before it is turned
-    plan.add("projection", 2 * factor_bytes(device, shape, kept) +
+    // the basis, packed and transposed too, and the products before they are turned
+    plan.add("projection", row_major_bytes(device, shape.rows + m, kept, shape.arithmetic) +
+                               2 * factor_bytes(device, {m, 0, 0, shape.arithmetic}, kept) +
                                2 * ops::gram_bytes(shape.rows, kept, kept) +
                                6 * kept * kept * sizeof(double));
+    plan.add("factors", row_major_bytes(device, shape.rows + m, kept, shape.arithmetic));
+    if (first.total() > plan.total()) plan = std::move(first);
   }
-  plan.add("factors", factor_bytes(device, shape, kept));
+  if (target.method == SvdMethod::randomized) {
+    plan.add("factors", factor_bytes(device, shape, kept));
+  }
   // No driver gives more in one piece, whatever the plan allows.
   const std::size_t piece = factor_bytes(device, {longer, 0, 0, shape.arithmetic}, widest);
   const std::size_t largest = device.limits().largest_allocation;

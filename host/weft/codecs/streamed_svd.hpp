@@ -43,7 +43,7 @@ struct StreamedSvd {
   std::vector<double> values;  // sigma, descending, of the scaled stream
   Buffer V;                    // [m][leading]
   Buffer XV;                   // [K][leading]
-  std::size_t leading = 0;     // k, rounded up to a whole panel
+  std::size_t leading = 0;     // at least k
   double squares = 0;          // |X|^2
   double residual = 0;         // |X - X V V^T|: measured, or from norms where they resolve it
   std::size_t passes = 0;      // over the data, without measuring

@@ -78,16 +78,17 @@ Projection project_once(Device& device, PanelStream& stream, const Spectrum& spe
   const Arithmetic arithmetic = stream.arithmetic();
   const std::size_t m = stream.columns();
   Projection result;
-  result.leading = ops::round_up(k, ops::panel_width(device, arithmetic));
+  result.leading = leading_of(k);
   const double flops = (measure ? 4.0 : 2.0) * static_cast<double>(stream.rows()) *
                        static_cast<double>(m) * static_cast<double>(k);
   const StageTimer timer(job, "projection", flops, stream.bytes());
   result.V = ops::real_buffer(device, leading_columns(spectrum, m, k, result.leading), arithmetic,
                               "basis");
-  result.XV = Buffer(device, stream.rows() * result.leading * size_of(arithmetic), "projection");
-  Buffer packed(device, m * result.leading * size_of(arithmetic), "basis, packed");
-  ops::pack_panels(device, ops::row_major(device, result.V, result.leading, 0, arithmetic), m,
-                   result.leading, packed);
+  result.XV = Buffer(device, row_major_bytes(device, stream.rows(), k, arithmetic), "projection");
+  Buffer packed(device, ops::packed_elements(device, m, k, arithmetic) * size_of(arithmetic),
+                "basis, packed");
+  ops::pack_panels(device, ops::row_major(device, result.V, result.leading, 0, arithmetic), m, k,
+                   packed);
   Remainder remainder(device, stream, result.V, k, result.leading);
   stream.for_each([&](Buffer& panels, std::size_t first, std::size_t count) {
     ops::gemm_packed(
@@ -130,16 +131,22 @@ ScaledCholesky scaled_cholesky(std::size_t k, const std::vector<double>& gram) {
   return result;
 }
 
+std::size_t row_major_bytes(const Device& device, std::size_t rows, std::size_t k,
+                            Arithmetic arithmetic) {
+  return (rows * leading_of(k) + ops::panel_width(device, arithmetic)) * size_of(arithmetic);
+}
+
 Buffer times_small(Device& device, std::size_t rows, std::size_t k, const ProductOf& A,
                    std::span<const double> S, std::size_t columns, Arithmetic arithmetic,
                    const char* what) {
-  const std::size_t leading = ops::round_up(columns, ops::panel_width(device, arithmetic));
-  Buffer C(device, rows * leading * size_of(arithmetic), what);
+  const std::size_t leading = leading_of(columns);
+  Buffer C(device, row_major_bytes(device, rows, columns, arithmetic), what);
   const Buffer small = ops::real_buffer(device, S, arithmetic, "basis change");
-  Buffer packed(device, k * leading * size_of(arithmetic), "basis change");
+  Buffer packed(device, ops::packed_elements(device, k, columns, arithmetic) * size_of(arithmetic),
+                "basis change");
   ops::pack_panels(device, ops::row_major(device, small, columns, 0, arithmetic), k, columns,
                    packed);
-  ops::gemm_packed(device, rows, leading, k, 1.0,
+  ops::gemm_packed(device, rows, columns, k, 1.0,
                    A.panelled ? ops::panelled(device, *A.buffer, rows, arithmetic)
                               : ops::row_major(device, *A.buffer, A.leading, 0, arithmetic),
                    packed, 0.0, ops::to_row_major(device, C, leading, 0, arithmetic));
@@ -225,7 +232,7 @@ StreamedSvd project(Device& device, PanelStream& stream, const SvdTarget& target
     for (std::size_t i = 0; i < k; ++i) {
       std::copy_n(ritz.V.data() + i * k, kept, turn.data() + i * kept);
     }
-    svd.leading = ops::round_up(kept, ops::panel_width(device, arithmetic));
+    svd.leading = leading_of(kept);
     svd.V = times_small(device, m, k, {&projection.V, false, projection.leading}, turn, kept,
                         arithmetic, "right vectors");
     svd.XV = times_small(device, K, k, {&projection.XV, false, projection.leading}, turn, kept,

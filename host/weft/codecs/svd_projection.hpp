@@ -32,8 +32,16 @@ struct ScaledCholesky {
 };
 ScaledCholesky scaled_cholesky(std::size_t k, const std::vector<double>& gram);
 
-// C (rows x columns, leading `leading`) = A S of a row-major or panelled A with k columns and a
-// small row-major S (k x columns).
+// The leading dimension of row-major results of k columns: as little padding as vectors like.
+// Buffers of them end with room for a whole panel, since inner products read past the last column.
+constexpr std::size_t leading_of(std::size_t k) {
+  return (k + 3) / 4 * 4;
+}
+std::size_t row_major_bytes(const Device& device, std::size_t rows, std::size_t k,
+                            Arithmetic arithmetic);
+
+// C (rows x columns, row-major at leading_of(columns)) = A S of a row-major or panelled A with k
+// columns and a small row-major S (k x columns).
 struct ProductOf {
   const Buffer* buffer = nullptr;
   bool panelled = false;

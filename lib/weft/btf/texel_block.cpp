@@ -35,7 +35,7 @@ void read_texels(TileSource& source, std::size_t first, std::size_t count,
 }
 
 std::size_t texel_granule(const BtfShape& shape) {
-  constexpr std::size_t working_set = std::size_t{16} << 20;
+  constexpr std::size_t working_set = std::size_t{8} << 20;
   constexpr std::size_t whole_vectors = 64;
   const std::size_t fitting =
       working_set / (shape.images() * shape.channels * sizeof(float)) / whole_vectors;

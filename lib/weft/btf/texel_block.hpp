@@ -15,7 +15,7 @@ namespace weft {
 void read_texels(TileSource& source, std::size_t first, std::size_t count,
                  std::span<std::byte> out);
 
-// The fixed block of texels that encoders go through such data in: as many as 16 MiB of floats
+// The fixed block of texels that encoders go through such data in: as many as 8 MiB of floats
 // hold. A function of the shape alone.
 std::size_t texel_granule(const BtfShape& shape);
 
