@@ -7,12 +7,20 @@
 
 #include "weft/ops/launch.hpp"
 
-namespace weft::ops {
+namespace weft {
+
 namespace {
-constexpr std::size_t block_panels = 4;
-constexpr std::size_t block_images = 16;
-constexpr std::size_t block_texels = 4096;
+constexpr Tunable decode_lpca_macros[] = {
+    {"PANELS", 4, {1, 2, 4, 8, 16}, "panels that a work-item decodes"},
+    {"IMAGES", 16, {4, 8, 16, 32, 64}, "images that it decodes them for"},
+    {"TEXELS", 4096, {512, 1024, 2048, 4096, 8192, 16384}, "texels that one puts in order"},
+};
 }  // namespace
+constinit const TunableKernel tunables::decode_lpca{"decode_lpca", decode_lpca_macros};
+
+}  // namespace weft
+
+namespace weft::ops {
 
 ClusterPanels cluster_panels(std::span<const std::uint32_t> clusters, std::size_t count,
                              std::size_t width) {
@@ -62,10 +70,13 @@ void decode_lpca(Device& device, const DecodeLpcaShape& shape, const Buffer& pan
                  const Buffer& slots, const Buffer& A, const Buffer& B, const Buffer& mean,
                  Buffer& sorted, Buffer& out) {
   const std::string options =
-      fmt::format("{} -DCHANNELS={} -DPANELS={} -DIMAGES={} -DTEXELS={}", vector_option(device),
-                  shape.channels, block_panels, block_images, block_texels);
+      fmt::format("{} {} -DCHANNELS={}", vector_option(device),
+                  device.tuned_options(tunables::decode_lpca), shape.channels);
   const cl_kernel decode = device.kernel(kernel_sources::decode_lpca, options, "decode_lpca");
   const cl_kernel order = device.kernel(kernel_sources::decode_lpca, options, "order_texels");
+  const std::size_t block_panels = device.parameter(tunables::decode_lpca, "PANELS");
+  const std::size_t block_images = device.parameter(tunables::decode_lpca, "IMAGES");
+  const std::size_t block_texels = device.parameter(tunables::decode_lpca, "TEXELS");
   const std::size_t run = decode_lpca_images(device, shape);
   for (std::size_t done = 0; done < shape.images; done += run) {
     const std::size_t images = std::min(run, shape.images - done);
