@@ -1,11 +1,11 @@
 // Weft's own operations, from row-major matrices in buffers of the device: packing is part of every
 // run.
+#include <cstddef>
 #include <span>
 #include <vector>
 
 #include "contender.hpp"
-#include "weft/ops/gemm.hpp"
-#include "weft/ops/syrk.hpp"
+#include "weft/ops/matrix_product.hpp"
 
 namespace weft::peers {
 namespace {
@@ -17,26 +17,20 @@ class Own : public Contender {
     A_ = c.fp64 ? upload(matrices.A64) : upload(matrices.A);
     if (c.operation == Operation::gemm) B_ = c.fp64 ? upload(matrices.B64) : upload(matrices.B);
     C_ = Buffer(device, c.M * c.N * size_of(arithmetic_), "C");
-    if (c.operation == Operation::syrk) {
-      packed_ =
-          Buffer(device,
-                 ops::packed_elements(device, c.columns(), c.M, arithmetic_) * size_of(arithmetic_),
-                 "packed A");
-    }
   }
 
   std::string name() const override { return "Weft"; }
 
   void run() override {
     const std::size_t M = case_.M, N = case_.N, K = case_.columns();
+    const ops::ProductOptions options{arithmetic_};
     if (case_.operation == Operation::gemm) {
-      ops::gemm(device_, M, N, K, 1, ops::row_major(device_, A_, K, 0, arithmetic_),
-                ops::row_major(device_, B_, N, 0, arithmetic_), 0,
-                ops::to_row_major(device_, C_, N, 0, arithmetic_));
+      ops::gemm(device_, ops::Transpose::no, ops::Transpose::no, M, N, K, 1, {A_, K}, {B_, N}, 0,
+                {C_, N}, options);
     } else {
       for (std::size_t chunk = 0; chunk < case_.chunks(); ++chunk) {
-        ops::pack_panels(device_, ops::transposed(device_, A_, K, 0, arithmetic_), K, M, packed_);
-        ops::syrk_packed(device_, M, K, 1, packed_, chunk == 0 ? 0 : 1, C_, M, arithmetic_);
+        ops::syrk(device_, ops::Triangle::lower, ops::Transpose::no, M, K, 1, {A_, K},
+                  chunk == 0 ? 0 : 1, {C_, M}, options);
       }
     }
     device_.finish();
@@ -64,7 +58,7 @@ class Own : public Contender {
   Device& device_;
   const Case& case_;
   Arithmetic arithmetic_;
-  Buffer A_, B_, C_, packed_;
+  Buffer A_, B_, C_;
 };
 
 }  // namespace
