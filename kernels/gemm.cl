@@ -140,13 +140,13 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
               FOR_ROWS(MULTIPLY_EDGE)
             }
           } else if (columns <= VW) {
-#pragma unroll 4
+            UNROLL
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
               const realv b0 = loadv(b);
               FOR_ROWS(NARROW_COLUMN)
             }
           } else {
-#pragma unroll 4
+            UNROLL
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
               const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_COLUMN)
@@ -164,13 +164,13 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
           __global const real* a7 = a6 + (rows > 7 ? a_row : 0);
 #endif
           if (columns <= VW) {
-#pragma unroll 4
+            UNROLL
             for (uint k = 0; k < depth; ++k, b += NR) {
               const realv b0 = loadv(b);
               FOR_ROWS(NARROW_ROW)
             }
           } else {
-#pragma unroll 4
+            UNROLL
             for (uint k = 0; k < depth; ++k, b += NR) {
               const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
               FOR_ROWS(MULTIPLY_ROW)

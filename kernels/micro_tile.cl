@@ -1,6 +1,7 @@
 // The micro-tile of the CPU-shaped products: MR rows x NR columns of C in named vectors, three of VW
 // lanes a row, which the compiler keeps in registers. Needs vector_width.cl.
 //
+//   UNROLL              before a loop over k that multiplies
 //   DECLARE(r)          row r of the tile, zero
 //   MULTIPLY(r, value)  adds value (b0 b1 b2), the panel's row k
 //   MULTIPLY_NARROW     the same with b0 alone
@@ -15,6 +16,13 @@
 #define FOR_ROWS(X) X(0) X(1) X(2) X(3) X(4) X(5) X(6) X(7)
 #else
 #define FOR_ROWS(X) X(0) X(1) X(2) X(3)
+#endif
+
+// Clang can't unroll around eight rows, and would warn of every attempt on standard error.
+#if MR == 4
+#define UNROLL _Pragma("unroll 4")
+#else
+#define UNROLL
 #endif
 
 #define DECLARE(r) realv x##r = 0, y##r = 0, z##r = 0;

@@ -86,7 +86,7 @@ __kernel void syrk_packed(ulong m, ulong K, ulong slice_depth, real alpha,
         FOR_ROWS(DECLARE)
         __global const real* a = PX + ((i / NR) * K + k_begin) * NR + i % NR;
         __global const real* b = PX + ((j / NR) * K + k_begin) * NR;
-#pragma unroll 4
+        UNROLL
         for (uint k = 0; k < depth; ++k, a += NR, b += NR) {
           const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
           FOR_ROWS(MULTIPLY_ROW)
