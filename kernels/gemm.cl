@@ -95,6 +95,8 @@ __kernel void scale(ulong N, uint triangle, real beta, __global real* restrict C
 
 #define MULTIPLY_ROW(r) MULTIPLY(r, a##r[k])
 #define MULTIPLY_COLUMN(r) MULTIPLY(r, a0[r])
+#define PAIR_ROW(r) MULTIPLY_PAIR(r, a##r[k])
+#define PAIR_COLUMN(r) MULTIPLY_PAIR(r, a0[r])
 #define NARROW_ROW(r) MULTIPLY_NARROW(r, a##r[k])
 #define NARROW_COLUMN(r) MULTIPLY_NARROW(r, a0[r])
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
@@ -145,6 +147,12 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
               const realv b0 = loadv(b);
               FOR_ROWS(NARROW_COLUMN)
             }
+          } else if (columns <= 2 * VW) {
+            UNROLL
+            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+              const realv b0 = loadv(b), b1 = loadv(b + VW);
+              FOR_ROWS(PAIR_COLUMN)
+            }
           } else {
             UNROLL
             for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
@@ -168,6 +176,12 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
             for (uint k = 0; k < depth; ++k, b += NR) {
               const realv b0 = loadv(b);
               FOR_ROWS(NARROW_ROW)
+            }
+          } else if (columns <= 2 * VW) {
+            UNROLL
+            for (uint k = 0; k < depth; ++k, b += NR) {
+              const realv b0 = loadv(b), b1 = loadv(b + VW);
+              FOR_ROWS(PAIR_ROW)
             }
           } else {
             UNROLL

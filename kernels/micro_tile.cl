@@ -4,7 +4,8 @@
 //   UNROLL              before a loop over k that multiplies
 //   DECLARE(r)          row r of the tile, zero
 //   MULTIPLY(r, value)  adds value (b0 b1 b2), the panel's row k
-//   MULTIPLY_NARROW     the same with b0 alone
+//   MULTIPLY_PAIR       the same with b0 and b1 alone, for tiles of at most 2 VW columns
+//   MULTIPLY_NARROW     with b0 alone, for at most VW columns
 //   STORE(r)            c = alpha tile + block_beta c with c = c_tile + r c_row, where r < rows
 //   STORE_EDGE(r)       the same for the first `columns` columns
 //
@@ -35,7 +36,12 @@
     z##r = fma(t, b2, z##r);   \
   }
 
-// The first vector of the row alone, for panels of no more columns.
+#define MULTIPLY_PAIR(r, value) \
+  {                             \
+    const realv t = value;      \
+    x##r = fma(t, b0, x##r);    \
+    y##r = fma(t, b1, y##r);    \
+  }
 #define MULTIPLY_NARROW(r, value) x##r = fma((realv)(value), b0, x##r);
 
 #define STORE(r)                                                           \

@@ -51,7 +51,7 @@ TEST(TexelBlock, GranuleIsBoundedAndNeverNothing) {
     EXPECT_LE(granule, shape.texels());
     EXPECT_LE(granule * shape.images() * shape.channels * sizeof(float),
               std::max(std::size_t{8} << 20, std::min<std::size_t>(64, shape.texels()) *
-                                                  shape.images() * shape.channels * sizeof(float)));
+                                                 shape.images() * shape.channels * sizeof(float)));
   }
 }
 

@@ -46,13 +46,15 @@ std::size_t KrylovBasis::dimension() const {
 void KrylovBasis::begin_pass() {
   Block& block = blocks_.back();
   block.W = Buffer(device_, rows_ * padded(block.width) * size_of(arithmetic_), "Krylov products");
+  // Products leave the columns beyond the block's width alone.
+  device_.fill_zero(block.W, 0, block.W.size());
 }
 
 void KrylovBasis::multiply(const Buffer& panels, std::size_t first, std::size_t count) {
   Block& block = blocks_.back();
   const std::size_t leading = padded(block.width);
   const std::size_t offset = first * leading;
-  ops::gemm_packed(device_, count, leading, columns_, 1.0,
+  ops::gemm_packed(device_, count, block.width, columns_, 1.0,
                    ops::panelled(device_, panels, count, arithmetic_), block.Q, 0.0,
                    ops::to_row_major(device_, block.W, leading, offset, arithmetic_));
   ops::gemm_packed(device_, block.width, columns_, count, 1.0,

@@ -272,7 +272,8 @@ std::size_t randomized_block(const Device& device, const StreamShape& shape,
   const std::size_t smaller = std::min(shape.rows, shape.columns);
   std::size_t rank = std::min(target.rank > 0 ? target.rank : first_guess, smaller);
   if (target.has_goal()) rank = std::min(rank, first_guess);
-  return std::min(ops::round_up(rank + oversampling, ops::panel_width(device, shape.arithmetic)),
+  // Whole vectors: the last panel of a block may be narrow.
+  return std::min(ops::round_up(rank + oversampling, ops::vector_width(device, shape.arithmetic)),
                   smaller);
 }
 
