@@ -3,7 +3,7 @@
 #
 #   sh tools/setup.sh            packages to build and run the program
 #   sh tools/setup.sh --tests    also those of the tests and of the style checks
-#   sh tools/setup.sh --peers    also the libraries that weft_peers compares with
+#   sh tools/setup.sh --peers    also the libraries that tools/peers compares with
 #   sh tools/setup.sh --check    (with or without the others) only says what is missing; status 1 if
 #                                anything is
 #
@@ -19,7 +19,7 @@ test_packages="
   libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy"
 
 peer_packages="
-  libopenblas-pthread-dev libclblast-dev"
+  libopenblas-pthread-dev libclblast-dev python3-sklearn"
 
 check=no
 packages=$build_packages
