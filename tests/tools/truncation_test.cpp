@@ -119,12 +119,12 @@ TEST_F(Truncation, InputsBeyondTheMemoryStayWithinIt) {
     std::vector<const char*> methods;
   };
   const Case cases[] = {{{74, 74, 64, 128, 3}, {"randomized"}},
-                        {{10, 16, 540, 540, 3}, {"gram", "qr"}}};
+                        {{10, 12, 610, 610, 3}, {"gram", "qr"}}};
   for (const Case& c : cases) {
     write_repeating(raw(), c.shape);
     const std::size_t memory = c.shape.values() * sizeof(float) / 8;
     for (const char* method : c.methods) {
-      Process process(weft_command({"compress", raw(), "--svd", method, "--rank", "4", "--memory",
+      Process process(weft_command({"compress", raw(), "--svd", method, "--rank", "2", "--memory",
                                     std::to_string(memory), "-o", path("m.weft")}));
       std::size_t peak = 0;
       while (process.running()) {
@@ -134,7 +134,10 @@ TEST_F(Truncation, InputsBeyondTheMemoryStayWithinIt) {
       const ProcessResult result = process.wait();
       EXPECT_EQ(result.status, 0) << method << ": " << result.err;
       EXPECT_GT(peak, 0U);
+      // The address sanitizer keeps freed memory, and shadows of all.
+#ifndef __SANITIZE_ADDRESS__
       EXPECT_LE(peak, memory + 256 * mebibyte) << method;
+#endif
     }
   }
 }

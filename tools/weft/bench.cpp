@@ -32,6 +32,19 @@ bool wanted(const BenchOptions& options, const Benchmark& benchmark) {
   return benchmark.operation.find(options.codec.filter) != std::string::npos;
 }
 
+// A filter that nothing fits is a slip.
+void require_match(const BenchOptions& options) {
+  const std::vector<Benchmark> benchmarks = all_benchmarks();
+  const bool any =
+      std::any_of(benchmarks.begin(), benchmarks.end(),
+                  [&](const Benchmark& benchmark) { return wanted(options, benchmark); }) ||
+      !codecs_matching(options.codec.filter).empty();
+  if (!any) {
+    fail_input("--filter {}: no operation and no codec is named so; --list names them",
+               options.codec.filter);
+  }
+}
+
 void list_operations(const BenchOptions& options) {
   std::vector<std::vector<Cell>> rows;
   for (const Benchmark& benchmark : all_benchmarks()) {
@@ -63,6 +76,7 @@ std::vector<Cell> row_of(const Benchmark& benchmark, const Times& times, const o
 }
 
 void run_bench(const BenchOptions& options) {
+  require_match(options);
   if (options.list) return list_operations(options);
   if (options.device.reference()) {
     fail_input("--device reference: operations are measured on a device");

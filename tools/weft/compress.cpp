@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -55,6 +56,7 @@ void run_compress(const CompressOptions& options) {
   if (!std::filesystem::is_directory(folder)) {
     fail_input("--output: '{}': there is no folder '{}'", options.output, folder.string());
   }
+  if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
   const Codec& codec = find_codec(options.codec);
   check_parameters(codec, options.parameters);
   const std::shared_ptr<TileSource> input = open_raw_btf(options.input);
@@ -185,7 +187,9 @@ void add_compress(CLI::App& program, Action& action) {
   add_output_options(*command, options->report);
   command->footer(
       "Errors are measured: the model, as stored, is decoded and compared with the input. Equal\n"
-      "inputs, options and devices give equal models, whatever --memory is.\n"
+      "inputs, options and devices give equal models, whatever --memory is, unless it is what "
+      "bounds\n"
+      "the components of --tolerance and --energy.\n"
       "\n"
       "Examples:\n"
       "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"

@@ -190,6 +190,7 @@ void add_decompress(CLI::App& program, Action& action) {
   command
       ->add_option("--threads", options->threads,
                    "Threads that encode and write images; 0: as many as the machine has")
+      ->check(CLI::Range(0, 256))
       ->type_name("COUNT");
   command->add_flag("--replace", options->replace,
                     "Let an existing folder that is not empty give way");

@@ -30,6 +30,7 @@ void add_selection_options(CLI::App& command, SelectionOptions& options) {
   command
       .add_option("--level", options.level,
                   "Mip level: each level averages 2 x 2 texels in linear light")
+      ->check(CLI::Range(0, 64))
       ->type_name("N")
       ->group("Selection");
 }

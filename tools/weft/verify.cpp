@@ -107,6 +107,9 @@ std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors) {
 }
 
 void run_verify(const VerifyOptions& options) {
+  if (!std::isfinite(options.tolerance)) {
+    fail_input("--tolerance {}: not a number", options.tolerance);
+  }
   if (options.device.reference()) {
     fail_input("--device reference: the check needs a device to compare the reference with");
   }

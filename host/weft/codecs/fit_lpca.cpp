@@ -26,20 +26,21 @@ constexpr std::size_t reduced_iterations = 30;
 constexpr std::size_t reduced_starts = 3;    // of which the best goes on
 constexpr std::size_t most_samples = 16384;  // texels that seeds are chosen from
 
-// Components of the global SVD: enough that what lies outside matters little to which texels are
-// alike.
-std::size_t reduced_rank(const BtfShape& shape, const LpcaOptions& options) {
-  const std::size_t smaller = std::min(shape.texels(), shape.images() * shape.channels);
-  const std::size_t wanted = std::max<std::size_t>(4 * options.rank, 32);
-  return std::min({wanted, options.clusters * (options.rank + 1), smaller});
-}
-
 std::size_t cluster_count(const BtfShape& shape, const LpcaOptions& options) {
   return std::min(options.clusters, shape.texels());
 }
 
 std::size_t cluster_rank(const BtfShape& shape, const LpcaOptions& options) {
   return std::min({options.rank, shape.texels(), shape.images() * shape.channels});
+}
+
+// Components of the global SVD: enough that what lies outside matters little to which texels are
+// alike.
+std::size_t reduced_rank(const BtfShape& shape, const LpcaOptions& options) {
+  const std::size_t smaller = std::min(shape.texels(), shape.images() * shape.channels);
+  const std::size_t wanted = std::max<std::size_t>(4 * cluster_rank(shape, options), 32);
+  const std::size_t held = cluster_count(shape, options) * (cluster_rank(shape, options) + 1);
+  return std::min({wanted, held, smaller});
 }
 
 SvdOptions svd_of_rank(std::size_t rank) {

@@ -29,8 +29,10 @@ std::size_t KrylovBasis::bytes(const Device& device, const StreamShape& shape, s
   const std::size_t width = ops::panel_width(device, shape.arithmetic);
   const std::size_t size = size_of(shape.arithmetic);
   const std::size_t padded_block = ops::round_up(block, width);
-  // all blocks, what is taken of them, the next one, Y (twice as it grows) and the scratch block
-  const std::size_t vectors = ops::round_up(total, width) * (shape.rows + shape.columns) * size +
+  // all blocks, each of whole panels; what is taken of them, the next one, Y (twice as it grows)
+  // and the scratch block
+  const std::size_t padded_total = ops::ceil_div(total, block) * padded_block;
+  const std::size_t vectors = padded_total * (shape.rows + shape.columns) * size +
                               padded_block * (shape.rows + 5 * shape.columns) * size;
   // W^T W, its successor, and the eigensolver's copies, in double
   const std::size_t small = 5 * total * total * sizeof(double);

@@ -240,8 +240,8 @@ class LpcaCodec final : public Codec {
     }
     model->info.codec = name();
     model->info.parameters = fmt::format(
-        R"({{"clusters":{},"rank":{},"iterations":{},"kept_clusters":{},"kept_rank":{}}})",
-        options.clusters, options.rank, options.iterations, kept, model->rank);
+        R"({{"clusters":{},"rank":{},"iterations":{},"seed":{},"kept_clusters":{},"kept_rank":{}}})",
+        options.clusters, options.rank, options.iterations, job.seed, kept, model->rank);
     model->info.storage = storage;
     model->info.btf = info;
     model->round_to_storage();

@@ -72,12 +72,13 @@ MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
       first.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic));
     }
     first.add("small problem", m * m * sizeof(double));
-    plan.add("small problem", 6 * m * m * sizeof(double));
+    // the SVD by divide and conquer, its check and its copies: 12 matrices, and the triangle
+    plan.add("small problem", 13 * m * m * sizeof(double));
     // the basis, packed and transposed too, and the products before they are turned
     plan.add("projection", row_major_bytes(device, shape.rows + m, kept, shape.arithmetic) +
                                2 * factor_bytes(device, {m, 0, 0, shape.arithmetic}, kept) +
                                2 * ops::gram_bytes(shape.rows, kept, kept) +
-                               6 * kept * kept * sizeof(double));
+                               13 * kept * kept * sizeof(double));
     plan.add("factors", row_major_bytes(device, shape.rows + m, kept, shape.arithmetic));
     if (first.total() > plan.total()) plan = std::move(first);
   }

@@ -217,9 +217,9 @@ StreamedSvd project(Device& device, PanelStream& stream, const SvdTarget& target
           continue;
         }
         fail_unmet(target, spectrum.squares, rest, kept,
-                   most == target.rank           ? "the most that --rank allows"
-                   : most == target.most_columns ? "the most that --memory allows"
-                                                 : "all that this arithmetic resolves");
+                   most == target.rank     ? "the most that --rank allows"
+                   : most < std::min(m, K) ? "the most that --memory allows"
+                                           : "all that this arithmetic resolves");
       }
       rest += tail_squares(values, enough);
       kept = enough;

@@ -84,8 +84,9 @@ class Iteration {
     values_.clear();
     projected_ = 0;
     for (const double energy : energies) {
-      if (energy > floor) values_.push_back(std::sqrt(energy));
-      projected_ += std::max(energy, 0.0);
+      if (energy <= floor) break;  // they descend; what is dropped counts as error
+      values_.push_back(std::sqrt(energy));
+      projected_ += energy;
     }
   }
 
@@ -100,6 +101,9 @@ class Iteration {
   void take(std::size_t k) {
     const StageTimer timer(job_, "basis");
     k = std::min(k, values_.size());
+    // what an earlier call left would stand beside the new
+    svd_.V = Buffer();
+    svd_.XV = Buffer();
     svd_.rank = k;
     svd_.values.assign(values_.begin(), values_.begin() + static_cast<std::ptrdiff_t>(k));
     if (k == 0) return;
@@ -170,7 +174,7 @@ class Iteration {
         measured = true;
       }
       history_.push_back({values_, rest});
-      const std::size_t within = std::min(most_, dimension);
+      const std::size_t within = std::min({most_, dimension, target_.most_columns});
       const std::size_t enough = smallest_rank(values_, rest, wanted);
       const bool met = enough <= within;
       if (met && enough == 0) return finish(0, rest);
@@ -190,6 +194,7 @@ class Iteration {
       const std::size_t extra = met || within == most_ ? 0 : missing_columns(rest, wanted);
       if (target_.most_columns < std::min(rows_, columns_) &&
           basis_.dimension() + block_ + extra > target_.most_columns) {
+        if (met) return finish(enough, rest);
         fail(within, error, "the most that --memory allows");
       }
       if (last || !grow(std::min(extra, columns_ - basis_.dimension()), false)) {
@@ -261,7 +266,7 @@ class Iteration {
   std::size_t most_ = 0;
   StreamedSvd svd_;
   std::vector<double> values_;  // lengths of the Ritz vectors that are no noise
-  double projected_ = 0;        // squares of all of them
+  double projected_ = 0;        // their squares
   std::vector<Step> history_;
 };
 

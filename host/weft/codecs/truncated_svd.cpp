@@ -175,7 +175,6 @@ TruncatedSvd truncated_svd(Device& device, TileSource& source, const SvdOptions&
   read_factors(device, shape, choice.rows, *stream, svd, result);
   result.method = choice.method;
   result.reason = std::move(choice.reason);
-  if (svd.squares > 0) result.error = svd.residual / std::sqrt(svd.squares + mean_squares);
   return result;
 }
 

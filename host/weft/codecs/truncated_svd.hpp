@@ -23,7 +23,6 @@ struct TruncatedSvd {
   std::size_t passes = 0;    // over the data, without scanning and measuring
   SvdMethod method = SvdMethod::automatic;  // which ran
   std::string reason;                       // and why
-  double error = 0;                         // |A - A_k| / |T|, as far as the arithmetic tells
 };
 
 // What truncated_svd will take. With a goal, half of job.memory bounds the rank; without, the job

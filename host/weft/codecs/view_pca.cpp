@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "weft/btf/view_source.hpp"
@@ -141,8 +142,8 @@ class ViewPcaCodec final : public Codec {
     model->basis.reserve(shape.views * planned * light_channels);
     std::vector<std::uint32_t> ranks;
     std::size_t passes = 0;
-    SvdMethod method = options.method;
-    std::string reason;
+    std::map<SvdMethod, std::size_t> methods;  // views that each took
+    std::map<SvdMethod, std::string> reasons;
     Job view_job = job;  // one plan and one progress: those of the whole
     view_job.progress = {};
     view_job.on_plan = {};
@@ -151,22 +152,31 @@ class ViewPcaCodec final : public Codec {
       const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
       append(*model, svd, shape.texels());
       if (model->images.size() > shape.views * planned * shape.texels()) {
-        fail_input(
-            "the goal takes {} components up to view {}; without --rank, {} for all views are "
-            "planned for",
-            model->images.size() / shape.texels(), v, shape.views * planned);
+        fail(ErrorKind::unmet_goal,
+             "the goal takes {} components up to view {}; without --rank, {} for all views are "
+             "planned for",
+             model->images.size() / shape.texels(), v, shape.views * planned);
       }
       ranks.push_back(static_cast<std::uint32_t>(svd.rank));
       passes = std::max(passes, svd.passes);
-      if (v == 0) {
-        method = svd.method;
-        reason = svd.reason;
-      }
+      ++methods[svd.method];
+      reasons.emplace(svd.method, svd.reason);
       job.advance("views", v + 1, shape.views);
     }
     job.stages = std::move(view_job.stages);
-    job.notes.push_back(
-        fmt::format("svd of each view {}, at most {} passes: {}", name_of(method), passes, reason));
+    // Views may have taken different ways: the model names the one that most took.
+    const auto most = std::max_element(
+        methods.begin(), methods.end(),
+        [](const auto& one, const auto& other) { return one.second < other.second; });
+    const SvdMethod method = most->first;
+    std::string reason = reasons[method];
+    for (const auto& [other, views] : methods) {
+      job.notes.push_back(fmt::format("svd {} of {} views, at most {} passes: {}", name_of(other),
+                                      views, passes, reasons[other]));
+      if (other != method) {
+        reason += fmt::format("; {} views by {}: {}", views, name_of(other), reasons[other]);
+      }
+    }
     finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
            svd_parameters_json(options, method, passes, reason), job);
     return model;
@@ -174,15 +184,21 @@ class ViewPcaCodec final : public Codec {
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const SvdOptions options = view_options(parameters);
-    if (options.has_goal()) fail_input("the reference encoder takes --rank only, no other goal");
-    auto model = reference::encode_view_pca(source, options.rank, job);
+    SvdOptions options = view_options(parameters);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
+    reference::SvdRequest request;
+    request.method = options.method;
+    request.rank = options.rank;
+    request.tolerance = options.tolerance;
+    request.energy = options.energy;
+    reference::ViewPcaFit fit = reference::encode_view_pca(source, request, job);
+    std::unique_ptr<ViewPcaModel> model = std::move(fit.model);
     std::vector<std::uint32_t> ranks;
     for (std::size_t v = 0; v < model->ranks.size(); ++v) {
       ranks.push_back(static_cast<std::uint32_t>(model->ranks[v]));
     }
-    finish(*model, ranks, source.info(), options.rank, storage,
-           svd_parameters_json(options, SvdMethod::randomized, 0, "reference"), job);
+    finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
+           svd_parameters_json(options, fit.method, fit.passes, "the reference's way"), job);
     return model;
   }
 

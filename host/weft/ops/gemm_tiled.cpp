@@ -82,6 +82,8 @@ std::size_t gemm_tiled_terms(std::size_t K) {
 void gemm_tiled(Device& device, const TiledShape& shape, double alpha, const ConstMatrix& A,
                 const ConstMatrix& B, double beta, const Matrix& C, const ProductOptions& options) {
   require_arithmetic(device, options.arithmetic);
+  // Asking for one value says that the kernel's entry is in use.
+  (void)device.parameter(tunables::gemm_tiled, "MWG");
   const TileMacros tile =
       fitted(tile_of(device.tuning().values(tunables::gemm_tiled)), device.limits().max_work_group,
              device.limits().local_memory, options.arithmetic);

@@ -42,7 +42,8 @@ struct ProductOptions {
 // does not hold.
 //
 // |error| <= gamma(product_terms(K)) (|alpha| |op(A)| |op(B)| + |beta C|), gamma(n) = n u / (1 - n
-// u) with the unit roundoff u: sums are blocked, so that terms grow with K / 384 or slower.
+// u) with the unit roundoff u: sums are blocked, so that terms grow with 2 K / KC of gemm.cl, K /
+// 192 by default.
 void gemm(Device& device, Transpose a, Transpose b, std::size_t M, std::size_t N, std::size_t K,
           double alpha, const ConstMatrix& A, const ConstMatrix& B, double beta, const Matrix& C,
           const ProductOptions& options = {});

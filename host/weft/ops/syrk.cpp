@@ -16,6 +16,7 @@ constexpr std::size_t block_panels = 10;
 // device's units or memory.
 struct Slices {
   std::size_t count = 1;
+  std::size_t most = 1;   // of any shorter K too
   std::size_t depth = 0;  // whole blocks
 };
 
@@ -35,7 +36,8 @@ Slices cut(const Device& device, std::size_t m, std::size_t K, Arithmetic arithm
   const std::size_t for_accuracy =
       std::min(ceil_div(blocks, 256), std::max<std::size_t>(1, K / (8 * m)));
   Slices slices;
-  slices.depth = ceil_div(blocks, std::max(for_units, for_accuracy)) * block;
+  slices.most = std::max(for_units, for_accuracy);
+  slices.depth = ceil_div(blocks, slices.most) * block;
   slices.count = ceil_div(K, slices.depth);
   return slices;
 }
@@ -43,12 +45,13 @@ Slices cut(const Device& device, std::size_t m, std::size_t K, Arithmetic arithm
 
 std::size_t syrk_bytes(const Device& device, std::size_t m, std::size_t K, Arithmetic arithmetic) {
   if (m == 0 || K == 0) return 0;
-  const std::size_t slices = cut(device, m, K, arithmetic).count;
+  const std::size_t slices = cut(device, m, K, arithmetic).most;
   if (slices == 1) return 0;
   return slices * m * round_up(m, panel_width(device, arithmetic)) * size_of(arithmetic);
 }
 
 std::size_t syrk_terms(const Device& device, std::size_t m, std::size_t K, Arithmetic arithmetic) {
+  if (m == 0 || K == 0) return 3;
   const Slices slices = cut(device, m, K, arithmetic);
   const std::size_t block = block_depth(device, arithmetic);
   const std::size_t blocks = ceil_div(std::min(K, slices.depth), block);
@@ -89,7 +92,8 @@ void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, con
       return;
     }
     const std::size_t row = round_up(m, width);
-    Buffer partial(device, syrk_bytes(device, m, K, arithmetic), "partial sums of a product");
+    Buffer partial(device, slices.count * m * row * size_of(arithmetic),
+                   "partial sums of a product");
     const cl_kernel kernel = kernel_of("syrk_packed", Written::blocks);
     set_arguments(kernel, ulong(m), ulong(K), ulong(slices.depth), Real{1}, packed, Real{0},
                   partial, ulong(0), ulong(row), ulong(m * row));
@@ -99,6 +103,8 @@ void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, con
                   static_cast<Real>(alpha), partial, static_cast<Real>(beta), *C.buffer,
                   ulong(C.offset), ulong(C.row));
     launch_items(device, add, m);
+    // The driver keeps a released buffer until its kernels have run: no more than one at a time.
+    device.finish();
   });
 }
 

@@ -38,6 +38,7 @@ std::vector<double> read_upper(Device& device, const Buffer& triangles, std::siz
 }  // namespace
 
 Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arithmetic) {
+  if (m == 0) fail_input("TSQR: a matrix without columns has no triangular factor");
   Shape shape;
   shape.width = panel_width(device, arithmetic);
   shape.panels = ceil_div(m, shape.width);

@@ -9,10 +9,11 @@
 
 namespace weft::reference {
 
-std::unique_ptr<ViewPcaModel> encode_view_pca(TileSource& source, std::size_t rank, Job& job) {
+ViewPcaFit encode_view_pca(TileSource& source, const SvdRequest& request, Job& job) {
   const BtfShape& shape = source.info().shape;
   const std::size_t light_channels = shape.lights * shape.channels;
-  const std::size_t most = std::min({rank, shape.texels(), light_channels});
+  const std::size_t smaller = std::min(shape.texels(), light_channels);
+  const std::size_t most = request.rank > 0 ? std::min(request.rank, smaller) : smaller;
   MemoryPlan plan;
   plan.add("image", shape.image_values() * sizeof(double));
   plan.add("model", shape.views * (most * (shape.texels() + light_channels) + light_channels) *
@@ -23,7 +24,9 @@ std::unique_ptr<ViewPcaModel> encode_view_pca(TileSource& source, std::size_t ra
   std::vector<double> image(shape.image_values());
   for (std::size_t i = 0; i < shape.images(); ++i) read_tile(source, i, 1, job.nan_zero, image);
 
-  auto model = std::make_unique<ViewPcaModel>();
+  ViewPcaFit fit;
+  fit.model = std::make_unique<ViewPcaModel>();
+  ViewPcaModel* const model = fit.model.get();
   std::vector<std::uint32_t> ranks;
   Job view_job = job;  // one plan and one progress: those of the whole
   view_job.progress = {};
@@ -31,10 +34,10 @@ std::unique_ptr<ViewPcaModel> encode_view_pca(TileSource& source, std::size_t ra
   view_job.held.insert(view_job.held.end(), plan.items.begin(), plan.items.end());
   for (std::size_t v = 0; v < shape.views; ++v) {
     ViewSource view(source, v);
-    SvdRequest request;
-    request.method = SvdMethod::automatic;
-    request.rank = rank;
-    const std::unique_ptr<PcaModel> pca = encode_pca(view, request, view_job).model;
+    const PcaFit view_fit = encode_pca(view, request, view_job);
+    const PcaModel* const pca = view_fit.model.get();
+    if (v == 0) fit.method = view_fit.method;
+    fit.passes = std::max(fit.passes, view_fit.passes);
     ranks.push_back(static_cast<std::uint32_t>(pca->rank));
     model->mean.insert(model->mean.end(), pca->mean.begin(), pca->mean.end());
     model->basis.insert(model->basis.end(), pca->basis.begin(), pca->basis.end());
@@ -47,7 +50,7 @@ std::unique_ptr<ViewPcaModel> encode_view_pca(TileSource& source, std::size_t ra
   }
   job.stages = std::move(view_job.stages);
   model->ranks = IndexTensor(ranks, *std::max_element(ranks.begin(), ranks.end()) + std::size_t{1});
-  return model;
+  return fit;
 }
 
 void decode_view_pca(const ViewPcaModel& model, std::size_t first, std::size_t count,

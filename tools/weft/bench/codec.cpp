@@ -82,13 +82,18 @@ std::string rank_of(const Codec& codec, const std::string& asked) {
 
 }  // namespace
 
-void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptions& options,
-                  Report& report) {
-  std::vector<const Codec*> wanted;
+std::vector<const Codec*> codecs_matching(const std::string& filter) {
+  std::vector<const Codec*> matching;
   for (const Codec* codec : codecs()) {
     const std::string row = fmt::format("codec {}", codec->name());
-    if (row.find(options.filter) != std::string::npos) wanted.push_back(codec);
+    if (row.find(filter) != std::string::npos) matching.push_back(codec);
   }
+  return matching;
+}
+
+void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptions& options,
+                  Report& report) {
+  const std::vector<const Codec*> wanted = codecs_matching(options.filter);
   if (wanted.empty()) return;
   const Input input(device, options.input);
   const std::shared_ptr<TileSource> source = open_raw_btf(input.path());

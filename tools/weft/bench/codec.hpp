@@ -3,8 +3,10 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "report.hpp"
+#include "weft/codecs/codec.hpp"
 #include "weft/device/device.hpp"
 #include "weft/ops/peak.hpp"
 
@@ -16,6 +18,9 @@ struct CodecBenchOptions {
   std::string rank;    // of codecs that have one; empty: their default
   std::size_t memory = 0;
 };
+
+// The codecs whose row "codec NAME" contains the filter.
+std::vector<const Codec*> codecs_matching(const std::string& filter);
 
 // Adds the table `codecs`: encoding and measuring, three runs of each codec.
 void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptions& options,
