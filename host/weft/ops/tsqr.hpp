@@ -34,7 +34,7 @@ class Tsqr {
 
   // R of all rows so far, m x m, row-major, zero below the diagonal; diagonal entries are of any
   // sign. Waits for the device. A run-time error if NaN, an infinity or an overflow got into it.
-  std::vector<double> R();
+  std::vector<double> R();  // NOLINT(readability-identifier-naming): its name in mathematics
 
   // Device memory of it, and host memory of R().
   static std::size_t bytes(const Device& device, std::size_t m, Arithmetic arithmetic);

@@ -39,7 +39,7 @@ Benchmark lpca(std::size_t clusters, std::size_t rank) {
   benchmark.prepare = [=](Device& device) -> Run {
     const ops::ClusterPanels panels = bench_clusters(device, texels, clusters);
     const auto upload = [&](const std::vector<std::uint32_t>& entries) {
-      const auto buffer =
+      auto buffer =
           std::make_shared<Buffer>(device, entries.size() * sizeof(std::uint32_t), "table");
       device.write(*buffer, std::span<const std::uint32_t>(entries));
       return buffer;

@@ -51,7 +51,7 @@ struct SmallProduct {
                 ops::to_row_major(device, C, N));
       std::vector<float> actual(M * N);
       device.read(C, std::span<float>(actual));
-      const std::string wrong = difference_of(actual);
+      std::string wrong = difference_of(actual);
       if (!wrong.empty()) return wrong;
     }
     return {};
@@ -66,7 +66,7 @@ struct SmallProduct {
                 {Arithmetic::f32, ops::Family::tiles, 1});
       std::vector<float> actual(M * N);
       device.read(C, std::span<float>(actual));
-      const std::string wrong = difference_of(actual);
+      std::string wrong = difference_of(actual);
       if (!wrong.empty()) return wrong;
     }
     return {};
