@@ -117,12 +117,7 @@ class PcaCodec final : public Codec {
                                           Storage storage, Job& job) const override {
     SvdOptions options = svd_options(*this, parameters);
     options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
-    reference::SvdRequest request;
-    request.method = options.method;
-    request.rank = options.rank;
-    request.tolerance = options.tolerance;
-    request.energy = options.energy;
-    reference::PcaFit fit = reference::encode_pca(source, request, job);
+    reference::PcaFit fit = reference::encode_pca(source, reference_request(options), job);
     describe(*fit.model, source.info(), storage,
              svd_parameters_json(options, fit.method, fit.passes, "the reference's way"));
     fit.model->round_to_storage();

@@ -64,6 +64,15 @@ SvdOptions svd_options(const Codec& codec, const Parameters& parameters) {
   return options;
 }
 
+reference::SvdRequest reference_request(const SvdOptions& options) {
+  reference::SvdRequest request;
+  request.method = options.method;
+  request.rank = options.rank;
+  request.tolerance = options.tolerance;
+  request.energy = options.energy;
+  return request;
+}
+
 std::string svd_parameters_json(const SvdOptions& options, SvdMethod chosen, std::size_t passes,
                                 std::string_view reason) {
   std::string json;

@@ -39,6 +39,9 @@ inline constexpr std::array<ParameterSpec, 5> svd_parameters{{
 // The options that `parameters` ask for. Throws input errors that name the option and the value.
 SvdOptions svd_options(const Codec& codec, const Parameters& parameters);
 
+// What they ask of the reference, which computes in double.
+reference::SvdRequest reference_request(const SvdOptions& options);
+
 // The same as members of a JSON object, with what was chosen and why: "rank":8,"svd":"gram", ...
 std::string svd_parameters_json(const SvdOptions& options, SvdMethod chosen, std::size_t passes,
                                 std::string_view reason);

@@ -186,12 +186,7 @@ class ViewPcaCodec final : public Codec {
                                           Storage storage, Job& job) const override {
     SvdOptions options = view_options(parameters);
     options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
-    reference::SvdRequest request;
-    request.method = options.method;
-    request.rank = options.rank;
-    request.tolerance = options.tolerance;
-    request.energy = options.energy;
-    reference::ViewPcaFit fit = reference::encode_view_pca(source, request, job);
+    reference::ViewPcaFit fit = reference::encode_view_pca(source, reference_request(options), job);
     std::unique_ptr<ViewPcaModel> model = std::move(fit.model);
     std::vector<std::uint32_t> ranks;
     for (std::size_t v = 0; v < model->ranks.size(); ++v) {
