@@ -142,6 +142,7 @@ class ViewPcaCodec final : public Codec {
     model->basis.reserve(shape.views * planned * light_channels);
     std::vector<std::uint32_t> ranks;
     std::size_t passes = 0;
+    std::size_t components = 0;
     std::map<SvdMethod, std::size_t> methods;  // views that each took
     std::map<SvdMethod, std::string> reasons;
     Job view_job = job;  // one plan and one progress: those of the whole
@@ -151,11 +152,12 @@ class ViewPcaCodec final : public Codec {
       ViewSource view(source, v);
       const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
       append(*model, svd, shape.texels());
-      if (model->images.size() > shape.views * planned * shape.texels()) {
+      components += svd.rank;
+      if (components > shape.views * planned) {
         fail(ErrorKind::unmet_goal,
              "the goal takes {} components up to view {}; without --rank, {} for all views are "
              "planned for",
-             model->images.size() / shape.texels(), v, shape.views * planned);
+             components, v, shape.views * planned);
       }
       ranks.push_back(static_cast<std::uint32_t>(svd.rank));
       passes = std::max(passes, svd.passes);
