@@ -19,6 +19,7 @@ extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource peak;
 extern const KernelSource scan_tile;
+extern const KernelSource ssim;
 extern const KernelSource sum_squares;
 extern const KernelSource syrk;
 extern const KernelSource transcode_tile;
