@@ -11,8 +11,8 @@
 #include "support/generators.hpp"
 #include "support/memory_btf.hpp"
 #include "weft/device/device.hpp"
-#include "weft/reference/weave.hpp"
-#include "weft/render/weave.hpp"
+#include "weft/reference/render_surface.hpp"
+#include "weft/render/render_surface.hpp"
 #include "weft/scene/surface.hpp"
 #include "weft/scene/weave.hpp"
 
@@ -27,8 +27,8 @@ inline BtfInfo render_info(std::size_t width, std::size_t height, std::vector<Di
   return info;
 }
 
-inline WeaveRenderOptions render_options(std::size_t samples, std::uint64_t seed = 1) {
-  WeaveRenderOptions options;
+inline SurfaceRenderOptions render_options(std::size_t samples, std::uint64_t seed = 1) {
+  SurfaceRenderOptions options;
   options.samples = samples;
   options.seed = seed;
   return options;
@@ -36,17 +36,17 @@ inline WeaveRenderOptions render_options(std::size_t samples, std::uint64_t seed
 
 inline std::vector<double> render_on_device(Device& device, const Surface& surface,
                                             const BtfInfo& info,
-                                            const WeaveRenderOptions& options) {
+                                            const SurfaceRenderOptions& options) {
   MemorySink sink(info);
-  render_weave(device, surface, options, sink);
+  render_surface(device, surface, options, sink);
   EXPECT_TRUE(sink.finished());
   return sink.values();
 }
 
 inline std::vector<double> render_on_reference(const Surface& surface, const BtfInfo& info,
-                                               const WeaveRenderOptions& options) {
+                                               const SurfaceRenderOptions& options) {
   MemorySink sink(info);
-  render_weave_reference(surface, options, sink);
+  render_surface_reference(surface, options, sink);
   EXPECT_TRUE(sink.finished());
   return sink.values();
 }
@@ -54,7 +54,7 @@ inline std::vector<double> render_on_reference(const Surface& surface, const Btf
 // A level Lambertian plane.
 inline Surface lambertian_plane(float albedo) {
   Surface surface = make_flat_surface(16, 8, 2, 1);
-  for (SurfaceColor& color : surface.colors) color.albedo = {albedo, albedo, albedo};
+  for (SurfaceColor& color : surface.layers[0].colors) color.albedo = {albedo, albedo, albedo};
   finish_surface(surface);
   return surface;
 }
@@ -67,13 +67,13 @@ inline Surface tinted_plane(std::uint64_t seed) {
   finish_surface(surface);
   Random random(seed);
   for (std::size_t i = 0; i < n * n; ++i) {
-    SurfaceSample& sample = surface.samples[i];
+    SurfaceSample& sample = surface.layers[0].samples[i];
     sample.normal_x = static_cast<float>(random.uniform(-0.3, 0.3));
     sample.normal_y = static_cast<float>(random.uniform(-0.3, 0.3));
     const double angle = random.uniform(-0.7, 0.7);
     sample.fibre_x = static_cast<float>(std::cos(angle));
     sample.fibre_y = static_cast<float>(std::sin(angle));
-    SurfaceColor& color = surface.colors[i];
+    SurfaceColor& color = surface.layers[0].colors[i];
     for (float& albedo : color.albedo) albedo = static_cast<float>(random.uniform());
   }
   surface.lobes = {{{0.05f, 0.1f, 0.2f}, 1, 0.25f, 0.5f}};
@@ -94,8 +94,8 @@ inline Surface plateau(bool along_x) {
   for (std::size_t i = 0; i < 2 * n; ++i) {
     const std::size_t k = along_x ? i % n : i / 2;
     const bool top = k >= 64 && k < 128;
-    surface.elevation[i] = top ? 1 : 0;
-    surface.colors[i].albedo = {top ? 1.0f : 0.0f, top ? 0.0f : 1.0f, 0.0f};
+    surface.layers[0].elevation[i] = top ? 1 : 0;
+    surface.layers[0].colors[i].albedo = {top ? 1.0f : 0.0f, top ? 0.0f : 1.0f, 0.0f};
   }
   surface.highest = 1;
   return surface;

@@ -19,7 +19,7 @@ TEST(Surface, NormalsOfASlopeThatRepeats) {
   for (std::size_t r = 0; r < 512; ++r) {
     for (std::size_t c = 0; c < 256; ++c) {
       const double x = static_cast<double>(c) / 64, y = static_cast<double>(r) / 64;
-      surface.elevation[r * 256 + c] =
+      surface.layers[0].elevation[r * 256 + c] =
           static_cast<float>(std::sin(2 * pi * x / 4) + 2 * std::cos(2 * pi * y / 8));
     }
   }
@@ -35,7 +35,7 @@ TEST(Surface, NormalsOfASlopeThatRepeats) {
       const double length = std::sqrt(1 + sx * sx + sy * sy);
       // Central differences are off by step^2/6 times the third derivative, (pi/2)^3: 1.6e-4; and
       // by the rounding of elevations, 2 x 2^-23 per two cells of 1/64: 8e-6.
-      const SurfaceSample& sample = surface.samples[r * 256 + c];
+      const SurfaceSample& sample = surface.layers[0].samples[r * 256 + c];
       EXPECT_NEAR(sample.normal_x, -sx / length, 2e-4);
       EXPECT_NEAR(sample.normal_y, -sy / length, 2e-4);
     }
@@ -45,11 +45,41 @@ TEST(Surface, NormalsOfASlopeThatRepeats) {
 TEST(Surface, ConstantElevationStaysWithinItsBounds) {
   for (const float z : {0.1f, -7.3f, 1e-20f}) {
     Surface surface = make_flat_surface(64, 32, 3, 2);
-    for (float& value : surface.elevation) value = z;
+    for (float& value : surface.layers[0].elevation) value = z;
     finish_surface(surface);
     EXPECT_EQ(surface.reference, z);
     validate(surface);
   }
+}
+
+// A column is covered where elevation and underside, or the floor, leave room for material.
+TEST(Surface, BoundsAreThoseOfTheMaterial) {
+  Surface surface = make_flat_surface(4, 2, 4, 2, 2);
+  SurfaceLayer& net = surface.layers[0];
+  net.elevation = {1, 1, -1, -1, 1, 3, -1, -1};
+  net.underside = {0, 0.5f, 2, 2, 1, 2, 2, 2};
+  // The second layer is below, or not at all.
+  surface.layers[1].elevation.assign(8, -1);
+  surface.layers[1].underside.assign(8, 0);
+  finish_surface(surface);
+  validate(surface);
+  EXPECT_TRUE(may_have_holes(surface));
+  EXPECT_EQ(surface.lowest, 0);
+  EXPECT_EQ(surface.highest, 3);
+  EXPECT_EQ(surface.reference, 1.5f);  // of four covered columns
+
+  surface.layers[1].underside.clear();
+  finish_surface(surface);
+  validate(surface);
+  EXPECT_FALSE(may_have_holes(surface));
+  EXPECT_EQ(surface.lowest, -1);
+  EXPECT_EQ(surface.highest, 3);
+  EXPECT_EQ(surface.reference, 0.25f);  // of eight
+
+  surface.layers.pop_back();
+  net.elevation.assign(8, -1);
+  net.underside.assign(8, 1);
+  EXPECT_THROW(finish_surface(surface), Error);
 }
 
 TEST(Surface, RefusesWhatIsNone) {
@@ -62,24 +92,31 @@ TEST(Surface, RefusesWhatIsNone) {
       {[](Surface& s) { s.columns = 12; }, "columns is 12"},
       {[](Surface& s) { s.rows = 0; }, "rows is 0"},
       {[](Surface& s) { s.rows = 16384; }, "rows is 16384"},
-      {[](Surface& s) { s.elevation.pop_back(); }, "elevation has 127"},
-      {[](Surface& s) { s.samples.pop_back(); }, "samples has 127"},
-      {[](Surface& s) { s.colors.clear(); }, "colors has 0"},
+      {[](Surface& s) { s.layers[0].elevation.pop_back(); }, "elevation has 127"},
+      {[](Surface& s) { s.layers[0].samples.pop_back(); }, "samples has 127"},
+      {[](Surface& s) { s.layers[0].colors.clear(); }, "colors has 0"},
       {[](Surface& s) { s.width = -1; }, "width is -1"},
       {[](Surface& s) { s.depth = std::nan(""); }, "depth is nan"},
-      {[nan](Surface& s) { s.elevation[5] = nan; }, "elevation 5"},
-      {[](Surface& s) { s.elevation[5] = 1; }, "elevation 5 is 1"},
+      {[nan](Surface& s) { s.layers[0].elevation[5] = nan; }, "elevation 5"},
+      {[](Surface& s) { s.layers[0].elevation[5] = 1; }, "elevation 5 is 1"},
+      {[](Surface& s) { s.layers.clear(); }, "layers is 0"},
+      {[](Surface& s) { s.layers.resize(9); }, "layers is 9"},
+      {[](Surface& s) { s.layers.resize(2); }, "elevation of layer 1 has 0"},
+      {[](Surface& s) { s.layers[0].underside.resize(9); }, "underside has 9"},
+      {[nan](Surface& s) { s.layers[0].underside.assign(128, nan); }, "underside 0 is nan"},
+      {[](Surface& s) { s.layers[0].underside.assign(128, 1); }, "underside 0 is 1"},
+      {[](Surface& s) { s.layers[0].underside.assign(128, -1); }, "underside 0 is -1"},
       {[nan](Surface& s) { s.reference = nan; }, "reference"},
       {[](Surface& s) { s.reference = 1; }, "reference elevation 1"},
       {[](Surface& s) { s.highest = std::numeric_limits<float>::infinity(); }, "inf"},
       {[](Surface& s) { s.highest = 1e6f; }, "cells"},
-      {[nan](Surface& s) { s.samples[7].normal_x = nan; }, "normal 7"},
-      {[](Surface& s) { s.samples[7].fibre_x = 3; }, "fibre 7"},
-      {[](Surface& s) { s.colors[9].albedo[1] = 1.5f; }, "albedo 9 is 1.5"},
-      {[](Surface& s) { s.colors[9].lobe = 1; }, "lobe 9"},
+      {[nan](Surface& s) { s.layers[0].samples[7].normal_x = nan; }, "normal 7"},
+      {[](Surface& s) { s.layers[0].samples[7].fibre_x = 3; }, "fibre 7"},
+      {[](Surface& s) { s.layers[0].colors[9].albedo[1] = 1.5f; }, "albedo 9 is 1.5"},
+      {[](Surface& s) { s.layers[0].colors[9].lobe = 1; }, "lobe 9"},
       {[](Surface& s) {
          s.lobes.resize(3);
-         s.colors[9].lobe = 0.5f;
+         s.layers[0].colors[9].lobe = 0.5f;
        },
        "lobe 9 is 0.5"},
       {[](Surface& s) { s.lobes.clear(); }, "lobes"},

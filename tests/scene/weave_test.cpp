@@ -57,7 +57,7 @@ TEST(WeaveCloth, ShowsItsPattern) {
       for (std::size_t j = 0; j < cloth.weft_count; ++j) {
         const std::size_t c = (2 * i + 1) * 512 / (2 * cloth.warp_count);
         const std::size_t r = (2 * j + 1) * 256 / (2 * cloth.weft_count);
-        EXPECT_EQ(surface.colors[r * 512 + c].lobe, pattern.warp_on_top(i, j) ? 0 : 1)
+        EXPECT_EQ(surface.layers[0].colors[r * 512 + c].lobe, pattern.warp_on_top(i, j) ? 0 : 1)
             << pattern.over << "/" << pattern.under << " at " << i << " " << j;
       }
     }
@@ -79,11 +79,13 @@ void expect_no_seam(const Surface& surface, std::size_t set) {
       const std::size_t a = set == 0 ? s * n + across : across * n + s;
       const std::size_t b = set == 0 ? next * n + across : across * n + next;
       const auto lobe = static_cast<float>(set);
-      if (surface.colors[a].lobe != lobe || surface.colors[b].lobe != lobe) continue;
+      if (surface.layers[0].colors[a].lobe != lobe || surface.layers[0].colors[b].lobe != lobe)
+        continue;
       ++count[s];
-      rise[s] = std::max<double>(rise[s], std::abs(surface.elevation[a] - surface.elevation[b]));
-      tint[s] = std::max<double>(
-          tint[s], std::abs(surface.colors[a].albedo[2] - surface.colors[b].albedo[2]));
+      rise[s] = std::max<double>(
+          rise[s], std::abs(surface.layers[0].elevation[a] - surface.layers[0].elevation[b]));
+      tint[s] = std::max<double>(tint[s], std::abs(surface.layers[0].colors[a].albedo[2] -
+                                                   surface.layers[0].colors[b].albedo[2]));
     }
   }
   ASSERT_GT(count[n - 1], 0u);
@@ -106,9 +108,9 @@ TEST(WeaveCloth, DependsOnItsSeedOnly) {
   WeaveCloth cloth = standard_cloth(64, 64);
   const Surface first = make_surface(cloth, 128, 128);
   const Surface again = make_surface(cloth, 128, 128);
-  EXPECT_EQ(first.elevation, again.elevation);
+  EXPECT_EQ(first.layers[0].elevation, again.layers[0].elevation);
   cloth.seed = 2;
-  EXPECT_NE(first.elevation, make_surface(cloth, 128, 128).elevation);
+  EXPECT_NE(first.layers[0].elevation, make_surface(cloth, 128, 128).layers[0].elevation);
 }
 
 TEST(WeaveCloth, FollowsTheAspectRatio) {

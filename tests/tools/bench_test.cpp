@@ -47,7 +47,7 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
   for (const char* kernel :
        {"gemm", "scan_tile", "convert_tile", "error_sums", "transcode_tile", "decode_pca",
         "decode_lpca", "centre_clusters", "project_clusters", "assign_clusters",
-        "add_texel_squares", "orthonormalise", "tsqr", "weave_hits", "weave_shade", "syrk_packed",
+        "add_texel_squares", "orthonormalise", "tsqr", "surface_hits", "surface_shade", "syrk_packed",
         "convert_tile_transposed", "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }

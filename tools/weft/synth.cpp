@@ -22,8 +22,8 @@
 #include "weft/error.hpp"
 #include "weft/io/npy.hpp"
 #include "weft/io/raw_btf.hpp"
-#include "weft/reference/weave.hpp"
-#include "weft/render/weave.hpp"
+#include "weft/reference/render_surface.hpp"
+#include "weft/render/render_surface.hpp"
 #include "weft/scene/weave.hpp"
 
 namespace weft {
@@ -92,7 +92,7 @@ void run_synth(const SynthOptions& options) {
   info.channel_names = {"R", "G", "B"};
   info.source = fmt::format("weft synth --material {} --samples {} --seed {}", options.material,
                             options.samples, options.seed);
-  WeaveRenderOptions render;
+  SurfaceRenderOptions render;
   render.samples = options.samples;
   render.seed = options.seed;
   render.tile_bytes = std::clamp<std::size_t>(options.device.memory / 8, 1, largest_tile);
@@ -109,9 +109,9 @@ void run_synth(const SynthOptions& options) {
   Progress progress(options.report, "synth", info.shape.images());
   render.progress = [&progress](std::size_t done) { progress.update(done); };
   if (device) {
-    render_weave(*device, surface, render, *sink);
+    render_surface(*device, surface, render, *sink);
   } else {
-    render_weave_reference(surface, render, *sink);
+    render_surface_reference(surface, render, *sink);
   }
   progress.finish();
   const double seconds =

@@ -18,13 +18,13 @@ extern const KernelSource gemm;
 extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource peak;
+extern const KernelSource render_surface;
 extern const KernelSource scan_tile;
 extern const KernelSource ssim;
 extern const KernelSource sum_squares;
 extern const KernelSource syrk;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;
-extern const KernelSource weave;
 }  // namespace kernel_sources
 
 // kernels/tuning.json

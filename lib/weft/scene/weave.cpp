@@ -247,6 +247,7 @@ Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t r
   const auto width = static_cast<double>(cloth.warp_count);
   const auto depth = static_cast<double>(cloth.weft_count);
   Surface surface = make_flat_surface(columns, rows, width, depth);
+  SurfaceLayer& layer = surface.layers.front();
   surface.lobes = {cloth.warp.gloss, cloth.weft.gloss, GlossyLobe{}};
 
   const WeavePattern& pattern = cloth.pattern;
@@ -269,8 +270,8 @@ Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t r
       const double x = (static_cast<double>(c)) * width / static_cast<double>(columns);
       const std::size_t index = r * columns + c;
       double top = backing;
-      SurfaceSample& sample = surface.samples[index];
-      SurfaceColor& color = surface.colors[index];
+      SurfaceSample& sample = layer.samples[index];
+      SurfaceColor& color = layer.colors[index];
       color = {cloth.backing, 2};
       const auto show = [&](const YarnPoint& point, const Yarn& yarn, bool warp) {
         if (!point.hit || point.elevation <= top) return;
@@ -288,7 +289,7 @@ Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t r
       for (const std::size_t j : nearest_yarns(y, cloth.weft_count)) {
         show(wefts[j].at(x, offset_from(y, j, cloth.weft_count)), cloth.weft, false);
       }
-      surface.elevation[index] = static_cast<float>(top);
+      layer.elevation[index] = static_cast<float>(top);
     }
   }
   finish_surface(surface);

@@ -16,7 +16,7 @@
 #include "weft/codecs/measure.hpp"
 #include "weft/io/raw_btf.hpp"
 #include "weft/ops/gemm.hpp"
-#include "weft/render/weave.hpp"
+#include "weft/render/render_surface.hpp"
 #include "weft/scene/weave.hpp"
 
 namespace weft {
@@ -36,11 +36,11 @@ class Input {
     info.light_directions = even_directions(31);
     info.shape = {31, 31, 128, 128, 3};
     const std::size_t resolution = surface_resolution(128);
-    WeaveRenderOptions options;
+    SurfaceRenderOptions options;
     options.samples = 1;
     const std::unique_ptr<TileSink> sink = create_raw_btf(path_, info);
-    render_weave(device, make_surface(standard_cloth(128, 128), resolution, resolution), options,
-                 *sink);
+    render_surface(device, make_surface(standard_cloth(128, 128), resolution, resolution), options,
+                   *sink);
   }
   ~Input() {
     std::error_code ignored;

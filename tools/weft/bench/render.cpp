@@ -3,7 +3,7 @@
 
 #include "bench/benchmark.hpp"
 #include "weft/btf/directions.hpp"
-#include "weft/render/weave.hpp"
+#include "weft/render/render_surface.hpp"
 #include "weft/scene/weave.hpp"
 
 namespace weft {
@@ -18,7 +18,7 @@ struct Scene {
       : surface(make_surface(standard_cloth(side, side), surface_resolution(side),
                              surface_resolution(side))),
         tables(device, surface),
-        records(device, side * side * samples * weave_hit_bytes, "hits") {
+        records(device, side * side * samples * surface_hit_bytes, "hits") {
     info.dtype = DType::f16;
     info.view_directions = even_directions(2);
     info.light_directions = even_directions(lights);
@@ -26,14 +26,14 @@ struct Scene {
     options.samples = samples;
   }
   void trace(Device& device) {
-    launch_weave_hits(device, surface, tables, info, options, 1, band, records);
+    launch_surface_hits(device, surface, tables, info, options, 1, band, records);
   }
 
   Surface surface;
   DeviceSurface tables;
   Buffer records;
   BtfInfo info;
-  WeaveRenderOptions options;
+  SurfaceRenderOptions options;
   TexelBand band{0, side, 0, side};
 };
 
@@ -46,24 +46,24 @@ Run shade(Device& device) {
   const auto scene = std::make_shared<Scene>(device);
   scene->trace(device);
   const std::size_t count = scene->info.shape.lights;
-  const std::vector<float> packed = pack_weave_lights(scene->surface, scene->info, 0, count);
+  const std::vector<float> packed = pack_surface_lights(scene->surface, scene->info, 0, count);
   const auto directions = std::make_shared<Buffer>(device, packed.size() * sizeof(float), "lights");
   device.write(*directions, std::span<const float>(packed));
   const auto out = std::make_shared<Buffer>(
       device, count * side * side * 3 * size_of(scene->info.dtype), "images");
   return [=, &device] {
-    launch_weave_shade(device, scene->surface, scene->tables, scene->info, scene->options, 1,
-                       scene->band, scene->records, *directions, count, *out);
+    launch_surface_shade(device, scene->surface, scene->tables, scene->info, scene->options, 1,
+                         scene->band, scene->records, *directions, count, *out);
   };
 }
 
 }  // namespace
 
 std::vector<Benchmark> render_benchmarks() {
-  const double record = static_cast<double>(weave_hit_bytes);
+  const double record = static_cast<double>(surface_hit_bytes);
   return {
-      {"weave_hits", "128 x 128 texels, 4 samples", 0, record * hits, false, trace_view_rays},
-      {"weave_shade", "128 x 128 texels, 4 samples, 32 lights", 0,
+      {"surface_hits", "128 x 128 texels, 4 samples", 0, record * hits, false, trace_view_rays},
+      {"surface_shade", "128 x 128 texels, 4 samples, 32 lights", 0,
        record * hits + 6.0 * side * side * lights, false, shade},
   };
 }

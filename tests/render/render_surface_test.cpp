@@ -1,4 +1,5 @@
-// The kernels of weave.cl against the double reference, and what must not change their bits.
+// The kernels of render_surface.cl against the double reference, and what must not change their
+// bits.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -35,9 +36,11 @@ double steepest(const Surface& surface) {
   double largest = 0;
   for (std::size_t r = 0; r < surface.rows; ++r) {
     for (std::size_t c = 0; c < surface.columns; ++c) {
-      const double z = surface.elevation[r * surface.columns + c];
-      const double right = surface.elevation[r * surface.columns + (c + 1) % surface.columns];
-      const double above = surface.elevation[(r + 1) % surface.rows * surface.columns + c];
+      const double z = surface.layers[0].elevation[r * surface.columns + c];
+      const double right =
+          surface.layers[0].elevation[r * surface.columns + (c + 1) % surface.columns];
+      const double above =
+          surface.layers[0].elevation[(r + 1) % surface.rows * surface.columns + c];
       largest = std::max({largest, std::abs(z - right), std::abs(z - above)});
     }
   }
@@ -66,7 +69,7 @@ Allowed allowed_at(const Surface& surface, const Direction& view, const Directio
   allowed.margin = std::numeric_limits<double>::infinity();
   for (const double dx : {-error, 0.0, error}) {
     for (const double dy : {-error, 0.0, error}) {
-      const WeaveSample sample = weave_sample(surface, view, light, x + dx, y + dy);
+      const TracedSample sample = trace_sample(surface, view, light, x + dx, y + dy);
       allowed.margin = std::min(allowed.margin, sample.margin);
       for (std::size_t c = 0; c < 3; ++c) {
         allowed.low[c] = std::min(allowed.low[c], sample.radiance[c]);
@@ -80,7 +83,7 @@ Allowed allowed_at(const Surface& surface, const Direction& view, const Directio
 // Returns the share of texels that were let off by their margin.
 double expect_device_matches(const Surface& surface, const BtfInfo& info) {
   Device device("auto");
-  const WeaveRenderOptions options = render_options(1, 11);
+  const SurfaceRenderOptions options = render_options(1, 11);
   const std::vector<double> values = render_on_device(device, surface, info, options);
   const double error = position_error(surface, info);
   const double elevation_error =
@@ -121,14 +124,14 @@ double expect_device_matches(const Surface& surface, const BtfInfo& info) {
   return static_cast<double>(exempt) / static_cast<double>(shape.images() * shape.texels());
 }
 
-TEST(Weave, ShadingMatchesTheReference) {
+TEST(RenderSurface, ShadingMatchesTheReference) {
   // No geometry: normals, fibres, albedos and gloss alone.
   const double exempt = expect_device_matches(
       tinted_plane(2), render_info(33, 17, even_directions(5), even_directions(19)));
   EXPECT_EQ(exempt, 0);
 }
 
-TEST(Weave, ClothMatchesTheReference) {
+TEST(RenderSurface, ClothMatchesTheReference) {
   const double exempt = expect_device_matches(
       small_cloth(256), render_info(33, 17, even_directions(7), even_directions(13)));
   // A ray compares elevations some hundred times, each within 1e-4 of the range of being a draw:
@@ -136,7 +139,7 @@ TEST(Weave, ClothMatchesTheReference) {
   EXPECT_LT(exempt, 0.01);
 }
 
-TEST(Weave, SeveralSamplesMatchTheReference) {
+TEST(RenderSurface, SeveralSamplesMatchTheReference) {
   Device device("auto");
   const Surface surface = small_cloth(256);
   const BtfInfo info = render_info(17, 9, even_directions(4), even_directions(9));
@@ -155,18 +158,18 @@ TEST(Weave, SeveralSamplesMatchTheReference) {
   EXPECT_LT(static_cast<double>(far), 0.01 * static_cast<double>(values.size()));
 }
 
-TEST(Weave, OtherDtypesAreTheFloatsRounded) {
+TEST(RenderSurface, OtherDtypesAreTheFloatsRounded) {
   // Albedos over many magnitudes: subnormal halves, both parts of the sRGB curve, and clipping.
   Surface surface = tinted_plane(4);
   surface.lobes[0].alpha_along = surface.lobes[0].alpha_across = 0.03f;
-  for (std::size_t i = 0; i < surface.colors.size(); ++i) {
-    surface.colors[i].albedo[0] =
+  for (std::size_t i = 0; i < surface.layers[0].colors.size(); ++i) {
+    surface.layers[0].colors[i].albedo[0] =
         static_cast<float>(std::pow(10.0, -0.05 * static_cast<double>(i)));
-    surface.samples[i].normal_x = surface.samples[i].normal_y = 0;
+    surface.layers[0].samples[i].normal_x = surface.layers[0].samples[i].normal_y = 0;
   }
   surface.lobes.push_back({});
-  for (std::size_t i = 0; i < surface.colors.size(); ++i) {
-    surface.colors[i].lobe = i < surface.colors.size() / 2 ? 0.0f : 1.0f;
+  for (std::size_t i = 0; i < surface.layers[0].colors.size(); ++i) {
+    surface.layers[0].colors[i].lobe = i < surface.layers[0].colors.size() / 2 ? 0.0f : 1.0f;
   }
   Device device("auto");
   // The first pair mirrors at the normal: the highlight.
@@ -174,7 +177,7 @@ TEST(Weave, OtherDtypesAreTheFloatsRounded) {
                                         direction_from_degrees(70, 40)};
   const std::vector<Direction> lights = {direction_from_degrees(30, 180), {0, 0, 1}};
   BtfInfo info = render_info(16, 16, views, lights);
-  const WeaveRenderOptions options = render_options(1);
+  const SurfaceRenderOptions options = render_options(1);
   const std::vector<double> floats = render_on_device(device, surface, info, options);
   EXPECT_GT(*std::max_element(floats.begin(), floats.end()), 1);
 
@@ -200,12 +203,12 @@ TEST(Weave, OtherDtypesAreTheFloatsRounded) {
   EXPECT_TRUE(all_near(render_on_reference(surface, info, options), bytes, 1.0 / 255 + 1e-9));
 }
 
-TEST(Weave, BitsDoNotDependOnTilesOrRuns) {
+TEST(RenderSurface, BitsDoNotDependOnTilesOrRuns) {
   Device device("auto");
   const Surface surface = small_cloth();
   for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
     const BtfInfo info = render_info(7, 5, even_directions(3), even_directions(21), dtype);
-    WeaveRenderOptions options = render_options(5);
+    SurfaceRenderOptions options = render_options(5);
     const std::vector<double> whole = render_on_device(device, surface, info, options);
     EXPECT_TRUE(all_equal(render_on_device(device, surface, info, options), whole));
     const std::size_t image = info.image_bytes();
@@ -218,10 +221,10 @@ TEST(Weave, BitsDoNotDependOnTilesOrRuns) {
   }
 }
 
-TEST(Weave, ProgressCountsImages) {
+TEST(RenderSurface, ProgressCountsImages) {
   Device device("auto");
   const BtfInfo info = render_info(5, 3, even_directions(3), even_directions(4));
-  WeaveRenderOptions options = render_options(1);
+  SurfaceRenderOptions options = render_options(1);
   std::vector<std::size_t> done;
   options.progress = [&done](std::size_t images) { done.push_back(images); };
   options.tile_bytes = 2 * info.image_bytes();
@@ -230,16 +233,16 @@ TEST(Weave, ProgressCountsImages) {
 }
 
 // Sharp lobes, walls of one cell and grazing directions: finite, and not negative.
-TEST(Weave, ExtremesStayFinite) {
+TEST(RenderSurface, ExtremesStayFinite) {
   Surface surface = make_flat_surface(32, 32, 1, 1);
   Random random(6);
   for (std::size_t i = 0; i < 1024; ++i) {
-    surface.elevation[i] = static_cast<float>(random.uniform(-1, 1));
-    surface.colors[i].lobe = static_cast<float>(random.index(3));
-    surface.colors[i].albedo = {1, 0, 0.5f};
+    surface.layers[0].elevation[i] = static_cast<float>(random.uniform(-1, 1));
+    surface.layers[0].colors[i].lobe = static_cast<float>(random.index(3));
+    surface.layers[0].colors[i].albedo = {1, 0, 0.5f};
     const double angle = random.uniform(0, 6.28);
-    surface.samples[i].fibre_x = static_cast<float>(std::cos(angle));
-    surface.samples[i].fibre_y = static_cast<float>(std::sin(angle));
+    surface.layers[0].samples[i].fibre_x = static_cast<float>(std::cos(angle));
+    surface.layers[0].samples[i].fibre_y = static_cast<float>(std::sin(angle));
   }
   finish_surface(surface);
   surface.lobes = {
@@ -268,19 +271,19 @@ void expect_confined(std::size_t width, std::size_t height, std::size_t light_co
   const Surface surface = small_cloth(32);
   const BtfInfo info = render_info(width, height, {direction_from_degrees(50, 33)},
                                    even_directions(light_count), dtype);
-  const WeaveRenderOptions options = render_options(samples);
+  const SurfaceRenderOptions options = render_options(samples);
   const DeviceSurface tables(device, surface);
   // Where there are several rows: the lower rows, or a part of the second row.
   TexelBand band{0, height, 0, width};
   if (height > 1)
     band = width % 2 ? TexelBand{1, height - 1, 0, width} : TexelBand{1, 1, 3, width - 3};
-  GuardedBuffer hits(device, band.texels() * samples * weave_hit_bytes, "hits");
-  const std::vector<float> packed = pack_weave_lights(surface, info, 0, light_count);
+  GuardedBuffer hits(device, band.texels() * samples * surface_hit_bytes, "hits");
+  const std::vector<float> packed = pack_surface_lights(surface, info, 0, light_count);
   GuardedBuffer lights(device, std::span<const float>(packed), "lights");
   GuardedBuffer out(device, light_count * band.texels() * 3 * size_of(dtype), "out");
-  launch_weave_hits(device, surface, tables, info, options, 0, band, hits.buffer());
-  launch_weave_shade(device, surface, tables, info, options, 0, band, hits.buffer(),
-                     lights.buffer(), light_count, out.buffer());
+  launch_surface_hits(device, surface, tables, info, options, 0, band, hits.buffer());
+  launch_surface_shade(device, surface, tables, info, options, 0, band, hits.buffer(),
+                       lights.buffer(), light_count, out.buffer());
   device.finish();
   EXPECT_TRUE(hits.intact());
   EXPECT_TRUE(lights.intact());
@@ -288,7 +291,7 @@ void expect_confined(std::size_t width, std::size_t height, std::size_t light_co
   for (const float value : hits.values<float>()) ASSERT_TRUE(std::isfinite(value));
   // Compare with the whole image rendered the usual way.
   MemorySink sink(info);
-  render_weave(device, surface, options, sink);
+  render_surface(device, surface, options, sink);
   const std::vector<std::byte> bytes = out.values<std::byte>();
   const std::size_t texel_bytes = 3 * size_of(dtype), run = band.columns * texel_bytes;
   for (std::size_t i = 0; i < light_count * band.rows; ++i) {
@@ -299,7 +302,7 @@ void expect_confined(std::size_t width, std::size_t height, std::size_t light_co
   }
 }
 
-TEST(Weave, WritesItsOutputOnly) {
+TEST(RenderSurface, WritesItsOutputOnly) {
   for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
     expect_confined(1, 1, 1, dtype, 1);
     expect_confined(7, 5, 8, dtype, 3);
@@ -308,7 +311,7 @@ TEST(Weave, WritesItsOutputOnly) {
   }
 }
 
-TEST(Weave, SmallForTheSimulator) {
+TEST(RenderSurface, SmallForTheSimulator) {
   for (const DType dtype : {DType::u8, DType::f16, DType::f32}) expect_confined(5, 3, 9, dtype, 2);
 }
 

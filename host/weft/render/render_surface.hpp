@@ -1,5 +1,6 @@
 // Renders a periodic height field, as woven cloth is one, into a BTF on a device
-// (kernels/weave.cl). The formula and its conventions stand in weft/reference/weave.hpp.
+// (kernels/render_surface.cl). The formula and its conventions stand in
+// weft/reference/render_surface.hpp.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +8,7 @@
 
 #include "weft/btf/tile.hpp"
 #include "weft/device/device.hpp"
-#include "weft/reference/weave.hpp"
+#include "weft/reference/render_surface.hpp"
 #include "weft/scene/surface.hpp"
 
 namespace weft {
@@ -35,29 +36,29 @@ struct TexelBand {
   bool operator==(const TexelBand&) const = default;
 };
 
-// Bytes of weave_hits' output per texel and sample.
-inline constexpr std::size_t weave_hit_bytes = 13 * sizeof(float);
+// Bytes of surface_hits' output per texel and sample.
+inline constexpr std::size_t surface_hit_bytes = 13 * sizeof(float);
 
 // Traces the view rays of a band of texels. hits: band.texels() * samples records.
-void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
-                       const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
-                       TexelBand band, Buffer& hits);
+void launch_surface_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
+                         const BtfInfo& info, const SurfaceRenderOptions& options, std::size_t view,
+                         TexelBand band, Buffer& hits);
 
-// The lights [first, first + count) as weave_shade reads them, in chunks of eight.
-std::vector<float> pack_weave_lights(const Surface& surface, const BtfInfo& info, std::size_t first,
-                                     std::size_t count);
+// The lights [first, first + count) as surface_shade reads them, in chunks of eight.
+std::vector<float> pack_surface_lights(const Surface& surface, const BtfInfo& info,
+                                       std::size_t first, std::size_t count);
 
 // Shades the hits of a band under `light_count` packed lights. out: [light][texel][3] in
 // info.dtype.
-void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
-                        const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
-                        TexelBand band, const Buffer& hits, const Buffer& lights,
-                        std::size_t light_count, Buffer& out);
+void launch_surface_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
+                          const BtfInfo& info, const SurfaceRenderOptions& options,
+                          std::size_t view, TexelBand band, const Buffer& hits,
+                          const Buffer& lights, std::size_t light_count, Buffer& out);
 
 // Renders all images that sink.info() asks for, and finishes the sink. Holds runs of images within
 // options.tile_bytes; values do not depend on how many that is. Writing one run and rendering the
 // next overlap.
-void render_weave(Device& device, const Surface& surface, const WeaveRenderOptions& options,
-                  TileSink& sink);
+void render_surface(Device& device, const Surface& surface, const SurfaceRenderOptions& options,
+                    TileSink& sink);
 
 }  // namespace weft

@@ -24,7 +24,7 @@
 
 namespace weft {
 
-struct WeaveRenderOptions {
+struct SurfaceRenderOptions {
   std::size_t samples = 4;  // per texel, view and light; 1 to 65536
   std::uint64_t seed = 0;   // of the jitter
   // Bytes that the run of images in the making may take, at least one image and one texel's
@@ -65,22 +65,22 @@ std::array<double, 2> sample_offset(std::uint64_t seed, std::size_t view, std::s
 std::uint32_t view_key(std::uint64_t seed, std::size_t view);
 
 // One sample with what decided it.
-struct WeaveSample {
+struct TracedSample {
   std::array<double, 3> radiance{};
   // The least distance between ray and surface, in elevation, of all comparisons on the way: an
   // arithmetic whose elevations are nearer than this to the exact ones takes the same path.
   double margin = 0;
 };
-WeaveSample weave_sample(const Surface& surface, const Direction& view, const Direction& light,
-                         double x, double y);
+TracedSample trace_sample(const Surface& surface, const Direction& view, const Direction& light,
+                          double x, double y);
 
 // Throws an input error that names the field and the value unless `info` is what can be rendered: a
 // grid of radiance in 3 channels, U8 with sRGB encoding or F16 or F32 linear, every direction at
 // least least_direction_z above the plane; and the options are in range.
-void validate(const Surface& surface, const BtfInfo& info, const WeaveRenderOptions& options);
+void validate(const Surface& surface, const BtfInfo& info, const SurfaceRenderOptions& options);
 
 // Renders all images that sink.info() asks for, and finishes the sink.
-void render_weave_reference(const Surface& surface, const WeaveRenderOptions& options,
-                            TileSink& sink);
+void render_surface_reference(const Surface& surface, const SurfaceRenderOptions& options,
+                              TileSink& sink);
 
 }  // namespace weft

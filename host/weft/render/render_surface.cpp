@@ -1,4 +1,4 @@
-#include "weft/render/weave.hpp"
+#include "weft/render/render_surface.hpp"
 
 #include <algorithm>
 #include <array>
@@ -14,7 +14,7 @@
 namespace weft {
 namespace {
 
-// Lights of a work-item of weave_shade, one per lane.
+// Lights of a work-item of surface_shade, one per lane.
 constexpr std::size_t lanes = 8;
 constexpr std::size_t values_per_light = 6;
 
@@ -49,18 +49,18 @@ struct Cut {
   std::size_t columns = 1;
 };
 
-Cut plan(const Device& device, const BtfInfo& info, const WeaveRenderOptions& options) {
+Cut plan(const Device& device, const BtfInfo& info, const SurfaceRenderOptions& options) {
   const BtfShape& shape = info.shape;
   Cut cut;
   cut.lights = std::clamp<std::size_t>(options.tile_bytes / info.image_bytes(), 1, shape.lights);
   // Whole chunks of lights waste no lanes.
   if (cut.lights < shape.lights && cut.lights > lanes) cut.lights -= cut.lights % lanes;
   const std::size_t allocation = device.limits().largest_allocation;
-  const std::size_t hit_bytes = options.samples * weave_hit_bytes;
+  const std::size_t hit_bytes = options.samples * surface_hit_bytes;
   const std::size_t out_bytes = cut.lights * 3 * size_of(info.dtype);
   if (hit_bytes > allocation || out_bytes > allocation) {
     fail_input(
-        "weave: {} samples of a texel under {} lights need {} bytes at once, but device {} "
+        "surface: {} samples of a texel under {} lights need {} bytes at once, but device {} "
         "allocates at most {}",
         options.samples, cut.lights, std::max(hit_bytes, out_bytes), device.limits().name,
         allocation);
@@ -92,12 +92,13 @@ void place_band(std::span<const std::byte> values, const TexelBand& band, const 
 DeviceSurface::DeviceSurface(Device& device, const Surface& surface) {
   static_assert(sizeof(SurfaceSample) == 4 * sizeof(float), "read as float4");
   static_assert(sizeof(SurfaceColor) == 4 * sizeof(float), "read as float4");
-  elevation_ = Buffer(device, surface.elevation.size() * sizeof(float), "elevations");
-  shape_ = Buffer(device, surface.samples.size() * sizeof(SurfaceSample), "normals and fibres");
-  color_ = Buffer(device, surface.colors.size() * sizeof(SurfaceColor), "colours");
-  device.write(elevation_, std::span<const float>(surface.elevation));
-  device.write(shape_, std::span<const SurfaceSample>(surface.samples));
-  device.write(color_, std::span<const SurfaceColor>(surface.colors));
+  elevation_ = Buffer(device, surface.layers[0].elevation.size() * sizeof(float), "elevations");
+  shape_ = Buffer(device, surface.layers[0].samples.size() * sizeof(SurfaceSample),
+                  "normals and fibres");
+  color_ = Buffer(device, surface.layers[0].colors.size() * sizeof(SurfaceColor), "colours");
+  device.write(elevation_, std::span<const float>(surface.layers[0].elevation));
+  device.write(shape_, std::span<const SurfaceSample>(surface.layers[0].samples));
+  device.write(color_, std::span<const SurfaceColor>(surface.layers[0].colors));
   std::vector<float> lobes;
   for (const GlossyLobe& lobe : surface.lobes) {
     lobes.insert(lobes.end(), {lobe.f0[0], lobe.f0[1], lobe.f0[2], lobe.f90, lobe.alpha_along,
@@ -107,16 +108,17 @@ DeviceSurface::DeviceSurface(Device& device, const Surface& surface) {
   device.write(lobes_, std::span<const float>(lobes));
 }
 
-void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
-                       const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
-                       TexelBand band, Buffer& hits) {
+void launch_surface_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
+                         const BtfInfo& info, const SurfaceRenderOptions& options, std::size_t view,
+                         TexelBand band, Buffer& hits) {
   const ViewMarch march = march_of_view(surface, info.view_directions[view]);
   const BtfShape& shape = info.shape;
   const double columns_per_texel =
       static_cast<double>(surface.columns) / static_cast<double>(shape.width);
   const double rows_per_texel =
       static_cast<double>(surface.rows) / static_cast<double>(shape.height);
-  cl_kernel kernel = device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_hits");
+  cl_kernel kernel =
+      device.kernel(kernel_sources::render_surface, build_options(info.dtype), "surface_hits");
   set_arguments(kernel, tables.elevation(), tables.shape(), tables.color(),
                 static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
                 static_cast<cl_ulong>(shape.width), static_cast<cl_ulong>(shape.height),
@@ -133,8 +135,8 @@ void launch_weave_hits(Device& device, const Surface& surface, const DeviceSurfa
   device.launch(kernel, global, local);
 }
 
-std::vector<float> pack_weave_lights(const Surface& surface, const BtfInfo& info, std::size_t first,
-                                     std::size_t count) {
+std::vector<float> pack_surface_lights(const Surface& surface, const BtfInfo& info,
+                                       std::size_t first, std::size_t count) {
   const std::size_t chunks = (count + lanes - 1) / lanes;
   std::vector<float> packed(chunks * values_per_light * lanes);
   for (std::size_t i = 0; i < chunks * lanes; ++i) {
@@ -151,12 +153,13 @@ std::vector<float> pack_weave_lights(const Surface& surface, const BtfInfo& info
   return packed;
 }
 
-void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
-                        const BtfInfo& info, const WeaveRenderOptions& options, std::size_t view,
-                        TexelBand band, const Buffer& hits, const Buffer& lights,
-                        std::size_t light_count, Buffer& out) {
+void launch_surface_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
+                          const BtfInfo& info, const SurfaceRenderOptions& options,
+                          std::size_t view, TexelBand band, const Buffer& hits,
+                          const Buffer& lights, std::size_t light_count, Buffer& out) {
   const Vector3 to_view = unit(info.view_directions[view]);
-  cl_kernel kernel = device.kernel(kernel_sources::weave, build_options(info.dtype), "weave_shade");
+  cl_kernel kernel =
+      device.kernel(kernel_sources::render_surface, build_options(info.dtype), "surface_shade");
   set_arguments(kernel, tables.elevation(), static_cast<cl_uint>(surface.columns),
                 static_cast<cl_uint>(surface.rows), surface.highest, narrow(shadow_bias(surface)),
                 hits, tables.lobes(), lights, static_cast<cl_ulong>(light_count),
@@ -168,8 +171,8 @@ void launch_weave_shade(Device& device, const Surface& surface, const DeviceSurf
   device.launch(kernel, global, local);
 }
 
-void render_weave(Device& device, const Surface& surface, const WeaveRenderOptions& options,
-                  TileSink& sink) {
+void render_surface(Device& device, const Surface& surface, const SurfaceRenderOptions& options,
+                    TileSink& sink) {
   const BtfInfo& info = sink.info();
   validate(surface, info, options);
   const BtfShape& shape = info.shape;
@@ -177,7 +180,7 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
   const std::size_t texel_bytes = 3 * size_of(info.dtype);
 
   const DeviceSurface tables(device, surface);
-  Buffer hits(device, cut.rows * cut.columns * options.samples * weave_hit_bytes,
+  Buffer hits(device, cut.rows * cut.columns * options.samples * surface_hit_bytes,
               "view rays' hits");
   Buffer out(device, cut.lights * cut.rows * cut.columns * texel_bytes, "rendered texels");
   Buffer lights(device, round_up(cut.lights, lanes) * values_per_light * sizeof(float), "lights");
@@ -210,7 +213,7 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
     for (std::size_t first = 0; first < shape.lights; first += cut.lights) {
       const std::size_t count = std::min(cut.lights, shape.lights - first);
       if (packed_first != first || packed_count != count) {
-        const std::vector<float> packed = pack_weave_lights(surface, info, first, count);
+        const std::vector<float> packed = pack_surface_lights(surface, info, first, count);
         device.write(lights, std::span<const float>(packed));
         packed_first = first;
         packed_count = count;
@@ -218,11 +221,11 @@ void render_weave(Device& device, const Surface& surface, const WeaveRenderOptio
       for (const TexelBand& band : bands) {
         check_interrupt();
         if (traced != band) {
-          launch_weave_hits(device, surface, tables, info, options, view, band, hits);
+          launch_surface_hits(device, surface, tables, info, options, view, band, hits);
           traced = band;
         }
-        launch_weave_shade(device, surface, tables, info, options, view, band, hits, lights, count,
-                           out);
+        launch_surface_shade(device, surface, tables, info, options, view, band, hits, lights,
+                             count, out);
         device.flush();
         // While the device works, the run before is written.
         write_done();

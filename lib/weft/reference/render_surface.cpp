@@ -1,4 +1,4 @@
-#include "weft/reference/weave.hpp"
+#include "weft/reference/render_surface.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -42,7 +42,8 @@ Patch patch_at(const Surface& surface, double x, double y) {
 double elevation_at(const Surface& surface, double x, double y) {
   const Patch patch = patch_at(surface, x, y);
   double z = 0;
-  for (std::size_t i = 0; i < 4; ++i) z += patch.weight[i] * surface.elevation[patch.index[i]];
+  for (std::size_t i = 0; i < 4; ++i)
+    z += patch.weight[i] * surface.layers[0].elevation[patch.index[i]];
   return z;
 }
 
@@ -132,19 +133,19 @@ HitSurface surface_at(const Surface& surface, const Hit& hit) {
   double nx = 0, ny = 0, fx = 0, fy = 0;
   std::array<double, 3> albedo{};
   for (std::size_t i = 0; i < 4; ++i) {
-    const SurfaceSample& sample = surface.samples[patch.index[i]];
+    const SurfaceSample& sample = surface.layers[0].samples[patch.index[i]];
     const double weight = patch.weight[i];
     nx += weight * sample.normal_x;
     ny += weight * sample.normal_y;
     fx += weight * sample.fibre_x;
     fy += weight * sample.fibre_y;
-    const SurfaceColor& color = surface.colors[patch.index[i]];
+    const SurfaceColor& color = surface.layers[0].colors[patch.index[i]];
     for (std::size_t c = 0; c < 3; ++c) albedo[c] += weight * color.albedo[c];
   }
   // The lobe is that of the nearest sample.
   const std::size_t nearest =
       (hit.x - std::floor(hit.x) >= 0.5 ? 1u : 0u) + (hit.y - std::floor(hit.y) >= 0.5 ? 2u : 0u);
-  const float lobe = surface.colors[patch.index[nearest]].lobe;
+  const float lobe = surface.layers[0].colors[patch.index[nearest]].lobe;
   const double nz = std::sqrt(std::max(1 - nx * nx - ny * ny, 1e-4));
   // Fibres of crossing yarns may cancel each other between two samples.
   const double length = std::sqrt(std::max(fx * fx + fy * fy, 1e-8));
@@ -176,7 +177,7 @@ void check_directions(const std::vector<Direction>& directions, const char* fiel
   for (std::size_t i = 0; i < directions.size(); ++i) {
     const Direction& d = directions[i];
     if (!(unit(d)[2] >= least_direction_z)) {
-      fail_input("weave: {} {} is ({}, {}, {}): its z must be at least {}", field, i, d[0], d[1],
+      fail_input("surface: {} {} is ({}, {}, {}): its z must be at least {}", field, i, d[0], d[1],
                  d[2], least_direction_z);
     }
   }
@@ -233,11 +234,11 @@ std::array<double, 2> sample_offset(std::uint64_t seed, std::size_t view, std::s
   return {(u >> 8) * 0x1p-24, (v >> 8) * 0x1p-24};
 }
 
-WeaveSample weave_sample(const Surface& surface, const Direction& view, const Direction& light,
-                         double x, double y) {
+TracedSample trace_sample(const Surface& surface, const Direction& view, const Direction& light,
+                          double x, double y) {
   Hit hit = trace_view(surface, march_of_view(surface, view), x, y);
   const HitSurface shown = surface_at(surface, hit);
-  WeaveSample sample;
+  TracedSample sample;
   const Vector3 l = unit(light);
   if (dot(shown.frame.normal, l) > 0 && is_lit(surface, march_of_light(surface, light), hit)) {
     sample.radiance = reflected(shown.frame, shown.albedo, shown.lobe, unit(view), l);
@@ -246,30 +247,33 @@ WeaveSample weave_sample(const Surface& surface, const Direction& view, const Di
   return sample;
 }
 
-void validate(const Surface& surface, const BtfInfo& info, const WeaveRenderOptions& options) {
+void validate(const Surface& surface, const BtfInfo& info, const SurfaceRenderOptions& options) {
   validate(surface);
+  if (surface.layers.size() != 1 || !surface.layers[0].underside.empty()) {
+    fail_input("surface: only one solid layer can be rendered");
+  }
   if (info.layout != Layout::grid)
-    fail_input("weave: layout is {}, not grid", name_of(info.layout));
+    fail_input("surface: layout is {}, not grid", name_of(info.layout));
   if (info.quantity != Quantity::radiance) {
-    fail_input("weave: quantity is {}, not radiance", name_of(info.quantity));
+    fail_input("surface: quantity is {}, not radiance", name_of(info.quantity));
   }
   if (info.shape.channels != 3) {
-    fail_input("weave: channels is {}, not 3", info.shape.channels);
+    fail_input("surface: channels is {}, not 3", info.shape.channels);
   }
   const Encoding encoding = info.dtype == DType::u8 ? Encoding::srgb : Encoding::linear;
   if (info.encoding != encoding) {
-    fail_input("weave: {} values are written with encoding {}, not {}", name_of(info.dtype),
+    fail_input("surface: {} values are written with encoding {}, not {}", name_of(info.dtype),
                name_of(encoding), name_of(info.encoding));
   }
   if (options.samples < 1 || options.samples > most_samples) {
-    fail_input("weave: samples is {}, not from 1 to {}", options.samples, most_samples);
+    fail_input("surface: samples is {}, not from 1 to {}", options.samples, most_samples);
   }
   check_directions(info.view_directions, "view direction");
   check_directions(info.light_directions, "light direction");
 }
 
-void render_weave_reference(const Surface& surface, const WeaveRenderOptions& options,
-                            TileSink& sink) {
+void render_surface_reference(const Surface& surface, const SurfaceRenderOptions& options,
+                              TileSink& sink) {
   const BtfInfo& info = sink.info();
   validate(surface, info, options);
   const BtfShape& shape = info.shape;
@@ -292,8 +296,8 @@ void render_weave_reference(const Surface& surface, const WeaveRenderOptions& op
       Vector3 sum{};
       for (std::size_t s = 0; s < options.samples; ++s) {
         const auto [u, v] = sample_offset(options.seed, view, texel, s);
-        const WeaveSample sample =
-            weave_sample(surface, to_view, to_light, (column + u) * columns_per_texel,
+        const TracedSample sample =
+            trace_sample(surface, to_view, to_light, (column + u) * columns_per_texel,
                          (top - v) * rows_per_texel);
         for (std::size_t c = 0; c < 3; ++c) sum[c] += sample.radiance[c];
       }

@@ -3,8 +3,8 @@
 //   T[l, row, column] = 1/S sum_s f(v, l) max(0, n.l) visible(hit_s, l)
 //   f(v, l) = albedo / pi + F(v.h) D(h) V(v, l)
 //
-// weave_hits   finds what the S view rays of each texel meet: once per view.
-// weave_shade  marches the shadow rays of 8 lights at a time, one light per lane, and shades.
+// surface_hits   finds what the S view rays of each texel meet: once per view.
+// surface_shade  marches the shadow rays of 8 lights at a time, one light per lane, and shades.
 //
 // The surface is `rows` x `columns` samples, powers of two; sample (r, c) at index r columns + c, y up.
 // Between them it is bilinear. Positions are in cells of it, elevations in its own units.
@@ -107,7 +107,7 @@ uint mix_bits(uint h) {
 // begins at first_column and first_row of the image.
 // Point k of its ray is p + start + k step, from the highest elevation (k = 0) to the lowest
 // (k = steps); p is the sample's point of the reference plane.
-kernel void weave_hits(global const float* restrict elevation, global const float4* restrict shape,
+kernel void surface_hits(global const float* restrict elevation, global const float4* restrict shape,
                        global const float4* restrict color, uint columns, uint rows, ulong width,
                        ulong height, float columns_per_texel, float rows_per_texel,
                        ulong first_column, ulong band_columns, ulong first_row, ulong band_rows,
@@ -222,7 +222,7 @@ float8 encoded(float8 x) {
 #endif
 
 // Work-item: one texel of the band (dimension 0) under 8 lights (dimension 1).
-kernel void weave_shade(global const float* restrict elevation, uint columns, uint rows,
+kernel void surface_shade(global const float* restrict elevation, uint columns, uint rows,
                         float highest, float bias, global const float* restrict hits,
                         global const float* restrict lobes, global const float8* restrict lights,
                         ulong light_count, float view_x, float view_y, float view_z, ulong texels,

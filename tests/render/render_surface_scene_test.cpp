@@ -22,13 +22,13 @@ struct Renders {
   std::vector<double> device, reference;
 };
 Renders render_both(const Surface& surface, const BtfInfo& info,
-                    const WeaveRenderOptions& options) {
+                    const SurfaceRenderOptions& options) {
   Device device("auto");
   return {render_on_device(device, surface, info, options),
           render_on_reference(surface, info, options)};
 }
 
-TEST(WeaveScene, LambertianPlaneGivesAlbedoOverPiCosine) {
+TEST(RenderSurfaceScene, LambertianPlaneGivesAlbedoOverPiCosine) {
   const BtfInfo info = render_info(3, 2, ubo81_directions(), ubo81_directions());
   const Renders renders = render_both(lambertian_plane(0.7f), info, render_options(3));
   std::vector<double> expected;
@@ -46,7 +46,7 @@ TEST(WeaveScene, LambertianPlaneGivesAlbedoOverPiCosine) {
 }
 
 // For a level plane, T[v, l] / cos(l) is the BRDF, which is the same for (l, v).
-TEST(WeaveScene, LevelPlaneIsReciprocal) {
+TEST(RenderSurfaceScene, LevelPlaneIsReciprocal) {
   Surface surface = lambertian_plane(0.3f);
   surface.lobes = {{{0.04f, 0.4f, 1.0f}, 1, 0.2f, 0.6f}};
   const std::vector<Direction> directions = ubo81_directions();
@@ -103,11 +103,11 @@ void expect_parallax(bool along_x, double phi) {
     }
   }
 }
-TEST(WeaveScene, ParallaxAlongX) {
+TEST(RenderSurfaceScene, ParallaxAlongX) {
   expect_parallax(true, 0);
   expect_parallax(true, 180);
 }
-TEST(WeaveScene, ParallaxAlongY) {
+TEST(RenderSurfaceScene, ParallaxAlongY) {
   expect_parallax(false, 90);
   expect_parallax(false, 270);
 }
@@ -137,17 +137,17 @@ void expect_shadow(bool along_x, double phi) {
     }
   }
 }
-TEST(WeaveScene, ShadowAlongX) {
+TEST(RenderSurfaceScene, ShadowAlongX) {
   expect_shadow(true, 0);
   expect_shadow(true, 180);
 }
-TEST(WeaveScene, ShadowAlongY) {
+TEST(RenderSurfaceScene, ShadowAlongY) {
   expect_shadow(false, 90);
   expect_shadow(false, 270);
 }
 
 // The reference shows the same at points that are whole periods apart.
-TEST(WeaveReference, Repeats) {
+TEST(RenderSurfaceReference, Repeats) {
   const Surface surface = small_cloth();
   const Direction view = direction_from_degrees(60, 70), light = direction_from_degrees(45, 200);
   Random random(5);
@@ -155,8 +155,8 @@ TEST(WeaveReference, Repeats) {
     // Multiples of 2^-20, which adding periods leaves as they are.
     const double x = std::floor(random.uniform(0, 64) * 0x1p20) * 0x1p-20;
     const double y = std::floor(random.uniform(0, 64) * 0x1p20) * 0x1p-20;
-    const WeaveSample here = weave_sample(surface, view, light, x, y);
-    const WeaveSample there = weave_sample(surface, view, light, x + 64, y - 3 * 64);
+    const TracedSample here = trace_sample(surface, view, light, x, y);
+    const TracedSample there = trace_sample(surface, view, light, x + 64, y - 3 * 64);
     if (here.margin < 1e-9) continue;
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(here.radiance[c], there.radiance[c], 1e-7);
   }
@@ -164,14 +164,14 @@ TEST(WeaveReference, Repeats) {
 
 // On the device: a tile twice as long with the same content shows the same bits twice over its
 // first half, although rays leave the one through its border and the other through its middle.
-TEST(WeaveScene, WrapsAtTheBorder) {
+TEST(RenderSurfaceScene, WrapsAtTheBorder) {
   const Surface single = small_cloth();
   Surface twice = make_flat_surface(128, 64, 2 * single.width, single.depth);
   for (std::size_t r = 0; r < 64; ++r) {
     for (std::size_t c = 0; c < 128; ++c) {
-      twice.elevation[r * 128 + c] = single.elevation[r * 64 + c % 64];
-      twice.samples[r * 128 + c] = single.samples[r * 64 + c % 64];
-      twice.colors[r * 128 + c] = single.colors[r * 64 + c % 64];
+      twice.layers[0].elevation[r * 128 + c] = single.layers[0].elevation[r * 64 + c % 64];
+      twice.layers[0].samples[r * 128 + c] = single.layers[0].samples[r * 64 + c % 64];
+      twice.layers[0].colors[r * 128 + c] = single.layers[0].colors[r * 64 + c % 64];
     }
   }
   twice.lobes = single.lobes;
@@ -193,7 +193,7 @@ TEST(WeaveScene, WrapsAtTheBorder) {
   }
 }
 
-TEST(WeaveReference, SamplesFillTheTexel) {
+TEST(RenderSurfaceReference, SamplesFillTheTexel) {
   std::set<std::pair<double, double>> offsets;
   double sum_u = 0, sum_v = 0;
   std::array<int, 16> cells{};
@@ -220,19 +220,19 @@ TEST(WeaveReference, SamplesFillTheTexel) {
   EXPECT_NE(sample_offset(9, 3, 77, 0), sample_offset(9, 3, 77 + (1ull << 32), 0));
 }
 
-TEST(WeaveReference, RefusesWhatItCannotRender) {
+TEST(RenderSurfaceReference, RefusesWhatItCannotRender) {
   const Surface surface = lambertian_plane(0.5f);
   const BtfInfo good = render_info(4, 4, {{0, 0, 1}}, {{0, 0, 1}});
-  const auto expect_refused = [&](const BtfInfo& info, const WeaveRenderOptions& options,
+  const auto expect_refused = [&](const BtfInfo& info, const SurfaceRenderOptions& options,
                                   const std::string& field) {
     Device device("auto");
     for (int by_device = 0; by_device < 2; ++by_device) {
       MemorySink sink(info);
       try {
         if (by_device) {
-          render_weave(device, surface, options, sink);
+          render_surface(device, surface, options, sink);
         } else {
-          render_weave_reference(surface, options, sink);
+          render_surface_reference(surface, options, sink);
         }
         ADD_FAILURE() << "taken: " << field;
       } catch (const Error& error) {
