@@ -39,6 +39,8 @@ struct ModelTensor {
   // For F16 storage of a real-valued tensor: the axis whose indices are components with a scale of
   // their own; `no_component_axis` for one scale for the whole tensor.
   std::size_t component_axis = no_component_axis;
+  // Of a real-valued tensor that is not stored as info.storage says.
+  std::optional<Storage> storage = std::nullopt;
 
   static constexpr std::size_t no_component_axis = static_cast<std::size_t>(-1);
 };

@@ -124,13 +124,13 @@ ModelFile::ModelFile(const std::filesystem::path& path)
 
 std::vector<float> ModelFile::real_tensor(std::string_view name,
                                           const std::vector<std::size_t>& shape,
-                                          std::size_t component_axis) const {
+                                          std::size_t component_axis, Storage storage) const {
   const TensorInfo& tensor = file_.get(name);
   if (tensor.shape != shape) {
     reject(fmt::format("tensor \"{}\": shape {} instead of {}", name, shape_text(tensor.shape),
                        shape_text(shape)));
   }
-  const DType stored = info_.storage == Storage::f16 ? DType::f16 : DType::f32;
+  const DType stored = storage == Storage::f16 ? DType::f16 : DType::f32;
   if (tensor.dtype != stored) {
     reject(fmt::format("tensor \"{}\": dtype {} instead of {}", name, name_of(tensor.dtype),
                        name_of(stored)));
@@ -153,6 +153,10 @@ std::vector<float> ModelFile::real_tensor(std::string_view name,
     }
   }
   return values;
+}
+
+Storage ModelFile::storage_of(std::string_view name) const {
+  return file_.get(name).dtype == DType::f16 ? Storage::f16 : Storage::f32;
 }
 
 std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,

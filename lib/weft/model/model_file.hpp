@@ -36,7 +36,14 @@ class ModelFile {
   // A real-valued tensor as float, from F32, or from F16 and its scales. Throws an input error that
   // names file, tensor, the found and the wanted shape.
   std::vector<float> real_tensor(std::string_view name, const std::vector<std::size_t>& shape,
-                                 std::size_t component_axis) const;
+                                 std::size_t component_axis) const {
+    return real_tensor(name, shape, component_axis, info_.storage);
+  }
+  // The same of a tensor that is stored in its own way: see storage_of.
+  std::vector<float> real_tensor(std::string_view name, const std::vector<std::size_t>& shape,
+                                 std::size_t component_axis, Storage storage) const;
+  // How a real-valued tensor is stored, for codecs that keep some of theirs in float.
+  Storage storage_of(std::string_view name) const;
   // An index tensor, of whichever of U8, U16, U32 it is stored as; every index is below `limit`.
   std::vector<std::uint32_t> index_tensor(std::string_view name,
                                           const std::vector<std::size_t>& shape,

@@ -19,7 +19,7 @@ struct Plan {
 };
 
 bool stored_as_half(const ModelTensor& tensor, Storage storage) {
-  return tensor.dtype == DType::f32 && storage == Storage::f16;
+  return tensor.dtype == DType::f32 && tensor.storage.value_or(storage) == Storage::f16;
 }
 
 Plan plan_of(const Model& model, const std::string& where) {
