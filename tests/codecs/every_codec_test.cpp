@@ -3,14 +3,18 @@
 // magnitude, values that are refused, bits that do not depend on memory.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <limits>
 
 #include "codecs/codec_runs.hpp"
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
+#include "support/guarded_buffer.hpp"
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/btf/adapt.hpp"
+#include "weft/btf/mip.hpp"
 
 namespace weft::test {
 namespace {
@@ -144,6 +148,136 @@ TEST_P(EveryCodec, DeviceAndReferenceDecodeAlike) {
                          run().get().decode_tolerance(*model)));
     const double error = relative(reference.measure(*model, *source));
     EXPECT_NEAR(relative(device.measure(*model, *source)), error, 1e-5 * error);
+  }
+}
+
+// `count` look-ups of random taps, weights at least 0 with sum 1 in each group, some of them 0.
+std::vector<std::uint32_t> random_lookups(const LookupShape& lookup, const BtfShape& shape,
+                                          std::size_t count, Random& random) {
+  std::vector<std::uint32_t> records;
+  const auto add_indices = [&](std::size_t taps, std::size_t limit) {
+    for (std::size_t t = 0; t < taps; ++t) {
+      records.push_back(static_cast<std::uint32_t>(random.index(limit)));
+    }
+  };
+  const auto add_weights = [&](std::size_t taps) {
+    if (taps == 1) return;
+    std::vector<double> weights(taps);
+    double sum = 0;
+    for (double& weight : weights) {
+      weight = random.index(4) == 0 ? 0.0 : random.uniform();
+      sum += weight;
+    }
+    for (const double weight : weights) {
+      const auto share = static_cast<float>(sum > 0 ? weight / sum : 0.0);
+      records.push_back(std::bit_cast<std::uint32_t>(share));
+    }
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    add_indices(lookup.texels, shape.texels());
+    add_indices(lookup.views, shape.views);
+    add_indices(lookup.lights, shape.lights);
+    add_weights(lookup.texels);
+    add_weights(lookup.views);
+    add_weights(lookup.lights);
+  }
+  return records;
+}
+
+std::vector<float> look_up(DeviceSampler& sampler, const LookupShape& lookup, const BtfShape& shape,
+                           std::span<const std::uint32_t> records) {
+  const std::size_t count = records.size() / lookup.words();
+  GuardedBuffer lookups(shared_device(), records, "look-ups");
+  GuardedBuffer out(shared_device(), count * shape.channels * sizeof(float), "values");
+  sampler.look_up(lookup, count, lookups.buffer(), out.buffer());
+  std::vector<float> values = out.values<float>();
+  EXPECT_TRUE(out.intact());
+  EXPECT_TRUE(lookups.intact());
+  return values;
+}
+
+// Sums of taps by the definition, of what the model says of each texel.
+TEST_P(EveryCodec, SmallLookupsAreSumsOfTexels) {
+  for (const std::size_t channels : Sizes{1, 3, 4}) {
+    const BtfShape shape{3, 4, 5, 6, channels};
+    const auto source = random_source(shape, DType::f16, 5);
+    const auto model = run().encode(*source, rank(channels == 3 ? 9 : 3), Storage::f16);
+    const auto sampler = run().get().sampler(shared_device(), *model);
+    EXPECT_GT(run().get().sampler_bytes(*model), 0U);
+    const auto reference = run().get().reference_sampler(*model);
+    Random random(11);
+    std::vector<LookupShape> lookups{{4, 3, 3}};
+    if (channels == 1) lookups = {{4, 1, 3}};
+    if (channels == 3) lookups.insert(lookups.end(), {{1, 1, 1}, {4, 3, 1}});
+    for (const LookupShape& lookup : lookups) {
+      const std::size_t count = is_simulator(shared_device()) ? 5 : 131;
+      const std::vector<std::uint32_t> records = random_lookups(lookup, shape, count, random);
+      std::vector<double> expected(count * channels, 0.0);
+      std::vector<double> texel(channels);
+      for (std::size_t i = 0; i < count; ++i) {
+        const Lookup taps(lookup, std::span(records).subspan(i * lookup.words(), lookup.words()));
+        for (std::size_t n = 0; n < lookup.texels * lookup.views * lookup.lights; ++n) {
+          const std::size_t t = n % lookup.texels;
+          const std::size_t v = n / lookup.texels % lookup.views;
+          const std::size_t l = n / lookup.texels / lookup.views;
+          model->decode_texel(taps.views[v], taps.lights[l], taps.texels[t] / shape.width,
+                              taps.texels[t] % shape.width, texel);
+          for (std::size_t c = 0; c < channels; ++c) {
+            expected[i * channels + c] +=
+                taps.texel_weight(t) * taps.view_weight(v) * taps.light_weight(l) * texel[c];
+          }
+        }
+      }
+      const double tolerance = lookup_tolerance(run().get(), *model, lookup);
+      EXPECT_TRUE(all_near(look_up(*sampler, lookup, shape, records), expected, tolerance));
+      std::vector<double> by_reference(expected.size());
+      reference->look_up(lookup, records, by_reference);
+      EXPECT_TRUE(all_near(by_reference, expected, tolerance));
+    }
+  }
+}
+
+// A look-up's bits are its record's alone: in whatever batch it comes.
+TEST_P(EveryCodec, LookupsOfAnyBatchGiveTheSameBits) {
+  const BtfShape shape{4, 5, 7, 9, 3};
+  const LookupShape lookup{4, 3, 3};
+  const auto source = random_source(shape, DType::f16, 5);
+  const auto model = run().encode(*source, rank(11), Storage::f16);
+  const auto sampler = run().get().sampler(shared_device(), *model);
+  Random random(3);
+  const std::vector<std::uint32_t> records = random_lookups(lookup, shape, 193, random);
+  const std::vector<float> whole = look_up(*sampler, lookup, shape, records);
+  for (const std::size_t count : Sizes{1, 63, 64, 65, 128}) {
+    const auto part =
+        look_up(*sampler, lookup, shape, std::span(records).last(count * lookup.words()));
+    EXPECT_TRUE(all_equal(part, std::span(whole).last(count * 3))) << count;
+  }
+}
+
+// Where a model has mip levels of its own, they are those of its images.
+TEST_P(EveryCodec, MipLevelsOfModelsAreThoseOfTheirImages) {
+  for (const Encoding encoding : {Encoding::linear, Encoding::srgb}) {
+    const BtfShape shape{2, 3, 7, 10, 3};
+    const auto random = random_source(shape, DType::f16, 5);
+    const auto source = relabelled(random, encoding, std::nullopt);
+    const auto model = run().encode(*source, rank(6), Storage::f32);
+    const auto half = run().get().next_mip_level(*model);
+    if (!half) continue;
+    EXPECT_EQ(encoding, Encoding::linear);
+    EXPECT_EQ(half->info.btf.shape, (BtfShape{2, 3, 4, 5, 3}));
+    const std::vector<double> values = run().decode(*model, shape.images());
+    std::vector<double> expected;
+    for (std::size_t image = 0; image < shape.images(); ++image) {
+      std::vector<float> pixels(shape.image_values());
+      for (std::size_t i = 0; i < pixels.size(); ++i) {
+        pixels[i] = static_cast<float>(values[image * pixels.size() + i]);
+      }
+      pixels.resize(average_mip(pixels, shape.height, shape.width, 3, 1));
+      expected.insert(expected.end(), pixels.begin(), pixels.end());
+    }
+    // decoded on both sides, and rounded to float before and after the average
+    const double tolerance = 4 * run().get().decode_tolerance(*model);
+    EXPECT_TRUE(all_near(run().decode(*half, shape.images()), expected, tolerance));
   }
 }
 

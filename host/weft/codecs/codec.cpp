@@ -8,8 +8,26 @@
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
+#include "weft/reference/lookup.hpp"
 
 namespace weft {
+
+std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) const {
+  return reference::texel_sampler(model);
+}
+
+std::unique_ptr<Model> Codec::next_mip_level(const Model& model) const {
+  (void)model;
+  return nullptr;
+}
+
+// A decoded value is a sum of n >= 1 terms, whose bound is gamma_n times their magnitude. Weights
+// join m = T + V L + 2 roundings to each term, in whatever order the sums are taken, and
+// gamma_{n + m} <= (1 + m) gamma_n / (1 - m n u), where one more covers the denominator.
+double lookup_tolerance(const Codec& codec, const Model& model, const LookupShape& lookup) {
+  return static_cast<double>(lookup.texels + lookup.views * lookup.lights + 4) *
+         codec.decode_tolerance(model);
+}
 
 std::span<const Codec* const> codecs() {
   static const std::array<const Codec*, 3> table{&pca_codec(), &view_pca_codec(), &lpca_codec()};

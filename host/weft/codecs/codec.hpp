@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 
+#include "weft/btf/lookup.hpp"
 #include "weft/btf/selection.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/device/device.hpp"
@@ -47,6 +48,20 @@ class ReferenceDecoder {
   virtual void decode(std::size_t first, std::size_t count, std::span<double> out) = 0;
 };
 
+// Looks up single texels of one model, or of whatever else has texels. Values are floats in its
+// stored encoding, 8-bit data as [0, 1], not clamped.
+class DeviceSampler {
+ public:
+  virtual ~DeviceSampler() = default;
+  // Enqueues `count` look-ups (see weft/btf/lookup.hpp) from the records in `lookups`, which are
+  // valid, into `out`, [count][C]; need not wait. A look-up's bits depend on nothing but its
+  // record.
+  virtual void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
+                       Buffer& out) = 0;
+  // Flops of one look-up, about.
+  virtual double lookup_flops(const LookupShape& lookup) const = 0;
+};
+
 class Codec {
  public:
   virtual ~Codec() = default;
@@ -74,12 +89,27 @@ class Codec {
   virtual std::size_t decoder_bytes(const Model& model) const = 0;
   virtual std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const = 0;
 
+  // Look-ups in a model, and the bytes of device memory that they take.
+  virtual std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const = 0;
+  virtual std::size_t sampler_bytes(const Model& model) const = 0;
+  // By Model::decode_texel, unless the codec knows a faster way.
+  virtual std::unique_ptr<ReferenceSampler> reference_sampler(const Model& model) const;
+
+  // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
+  // is exact in the model itself, as it needs a linear encoding; else null: levels are then taken
+  // of decoded images.
+  virtual std::unique_ptr<Model> next_mip_level(const Model& model) const;
+
   // Bound of |device - reference| for one decoded value, from the lengths and magnitudes of the
   // sums behind it: the unit of `weft verify`.
   virtual double decode_tolerance(const Model& model) const = 0;
 
   virtual std::unique_ptr<Model> read(const ModelFile& file) const = 0;
 };
+
+// Bound of |device - reference| for one value of a look-up whose groups' weights are at least 0 and
+// sum to 1.
+double lookup_tolerance(const Codec& codec, const Model& model, const LookupShape& lookup);
 
 // All codecs, by name.
 std::span<const Codec* const> codecs();

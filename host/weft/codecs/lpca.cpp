@@ -12,6 +12,7 @@
 #include "weft/error.hpp"
 #include "weft/ops/decode_lpca.hpp"
 #include "weft/ops/launch.hpp"
+#include "weft/ops/look_up_factors.hpp"
 #include "weft/reference/lpca.hpp"
 
 namespace weft {
@@ -97,6 +98,67 @@ class LpcaDeviceDecoder final : public DeviceDecoder {
   Buffer B_;
 };
 
+class LpcaDeviceSampler final : public DeviceSampler {
+ public:
+  LpcaDeviceSampler(Device& device, const LpcaModel& model)
+      : device_(device), shape_(model.info.btf.shape), rank_(model.rank) {
+    const std::size_t n = shape_.images() * shape_.channels;
+    const std::size_t count = model.ranks.size();
+    std::vector<std::uint32_t> clusters(shape_.texels());
+    for (std::size_t p = 0; p < clusters.size(); ++p) {
+      clusters[p] = static_cast<std::uint32_t>(model.clusters[p]);
+    }
+    clusters_ = Buffer(device, clusters.size() * sizeof(std::uint32_t), "clusters");
+    device.write(clusters_, std::span<const std::uint32_t>(clusters));
+    mean_ = Buffer(device, model.mean.size() * sizeof(float), "means");
+    device.write(mean_, std::span<const float>(model.mean));
+    A_ = Buffer(device, ops::row_floats(shape_.texels(), rank_, "coefficients") * sizeof(float),
+                "coefficients");
+    ops::write_rows(
+        device, shape_.texels(), rank_,
+        [&](std::size_t p, std::size_t j) { return model.coefficients[p * rank_ + j]; }, A_);
+    B_ = Buffer(device, ops::row_floats(count * n, rank_, "bases") * sizeof(float), "bases");
+    const std::vector<std::size_t> offsets = model.offsets();
+    ops::write_rows(
+        device, count * n, rank_,
+        [&](std::size_t row, std::size_t j) {
+          const std::size_t g = row / n;  // zero past a cluster's rank
+          return offsets[g] + j < offsets[g + 1] ? model.basis[(offsets[g] + j) * n + row % n]
+                                                 : 0.0f;
+        },
+        B_);
+  }
+
+  void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
+               Buffer& out) override {
+    validate(lookup, shape_);
+    ops::look_up_lpca(device_, {lookup, shape_, count, lookups, out}, rank_, clusters_, A_, B_,
+                      mean_);
+  }
+
+  // As of `pca` where the texels are of one cluster, which neighbours most often are.
+  double lookup_flops(const LookupShape& lookup) const override {
+    return ops::look_up_flops(lookup, shape_.channels, rank_);
+  }
+
+  static std::size_t bytes(const LpcaModel& model) {
+    const BtfShape& shape = model.info.btf.shape;
+    return (shape.texels() + model.mean.size() +
+            ops::row_floats(shape.texels(), model.rank, "coefficients") +
+            ops::row_floats(model.mean.size(), model.rank, "bases")) *
+           sizeof(float);
+  }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+  std::size_t rank_;
+  Buffer clusters_;
+  Buffer mean_;
+  Buffer A_;
+  Buffer B_;
+};
+
 class LpcaReferenceDecoder final : public ReferenceDecoder {
  public:
   explicit LpcaReferenceDecoder(const LpcaModel& model) : model_(model) {}
@@ -169,6 +231,14 @@ class LpcaCodec final : public Codec {
 
   std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
     return std::make_unique<LpcaReferenceDecoder>(as_lpca(model));
+  }
+
+  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+    return std::make_unique<LpcaDeviceSampler>(device, as_lpca(model));
+  }
+
+  std::size_t sampler_bytes(const Model& model) const override {
+    return LpcaDeviceSampler::bytes(as_lpca(model));
   }
 
   // As for `pca`, cluster by cluster: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).

@@ -11,6 +11,7 @@
 #include "weft/model/pca.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
+#include "weft/ops/look_up_factors.hpp"
 #include "weft/reference/pca.hpp"
 
 namespace weft {
@@ -53,6 +54,44 @@ class PcaDeviceDecoder final : public DeviceDecoder {
 
   double image_flops() const override {
     return 2.0 * static_cast<double>(shape_.image_values()) * static_cast<double>(rank_);
+  }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+  std::size_t rank_;
+  Buffer mean_;
+  Buffer A_;
+  Buffer B_;
+};
+
+class PcaDeviceSampler final : public DeviceSampler {
+ public:
+  PcaDeviceSampler(Device& device, const PcaModel& model)
+      : device_(device),
+        shape_(model.info.btf.shape),
+        rank_(model.rank),
+        mean_(device, model.mean.size() * sizeof(float), "mean"),
+        A_(device, ops::row_floats(shape_.texels(), rank_, "coefficients") * sizeof(float),
+           "coefficients"),
+        B_(device, ops::row_floats(model.mean.size(), rank_, "basis") * sizeof(float), "basis") {
+    device.write(mean_, std::span<const float>(model.mean));
+    ops::write_rows(
+        device, shape_.texels(), rank_,
+        [&](std::size_t p, std::size_t j) { return model.coefficients[p * rank_ + j]; }, A_);
+    const std::size_t n = model.mean.size();
+    ops::write_rows(
+        device, n, rank_, [&](std::size_t r, std::size_t j) { return model.basis[j * n + r]; }, B_);
+  }
+
+  void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
+               Buffer& out) override {
+    validate(lookup, shape_);
+    ops::look_up_pca(device_, {lookup, shape_, count, lookups, out}, rank_, A_, B_, mean_);
+  }
+
+  double lookup_flops(const LookupShape& lookup) const override {
+    return ops::look_up_flops(lookup, shape_.channels, rank_);
   }
 
  private:
@@ -139,6 +178,23 @@ class PcaCodec final : public Codec {
 
   std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
     return std::make_unique<PcaReferenceDecoder>(as_pca(model));
+  }
+
+  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+    return std::make_unique<PcaDeviceSampler>(device, as_pca(model));
+  }
+
+  std::size_t sampler_bytes(const Model& model) const override {
+    const PcaModel& pca = as_pca(model);
+    const std::size_t n = pca.mean.size();
+    return (n + ops::row_floats(n, pca.rank, "basis") +
+            ops::row_floats(model.info.btf.shape.texels(), pca.rank, "coefficients")) *
+           sizeof(float);
+  }
+
+  // A texel's coefficients are linear in its values: their averages are those of the values.
+  std::unique_ptr<Model> next_mip_level(const Model& model) const override {
+    return as_pca(model).next_mip_level();
   }
 
   // k products and the mean, summed in float: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|) for any

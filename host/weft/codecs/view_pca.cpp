@@ -16,6 +16,7 @@
 #include "weft/model/view_pca.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
+#include "weft/ops/look_up_factors.hpp"
 #include "weft/reference/view_pca.hpp"
 
 namespace weft {
@@ -88,6 +89,87 @@ class ViewPcaDeviceDecoder final : public DeviceDecoder {
   BtfShape shape_;
   std::vector<ViewFactors> views_;
   double mean_rank_ = 0;
+};
+
+// The factors of all views behind each other, in rows for look-ups.
+class ViewPcaDeviceSampler final : public DeviceSampler {
+ public:
+  ViewPcaDeviceSampler(Device& device, const ViewPcaModel& model)
+      : device_(device), shape_(model.info.btf.shape) {
+    const std::size_t texels = shape_.texels();
+    const std::size_t light_channels = shape_.lights * shape_.channels;
+    mean_ = Buffer(device, model.mean.size() * sizeof(float), "means");
+    device.write(mean_, std::span<const float>(model.mean));
+    const Rows rows = rows_of(model);
+    A_ = Buffer(device, rows.A_floats * sizeof(float), "components");
+    B_ = Buffer(device, rows.B_floats * sizeof(float), "weights of components");
+    views_ = Buffer(device, rows.views.size() * sizeof(std::uint64_t), "factors of views");
+    device.write(views_, std::span<const std::uint64_t>(rows.views));
+    const std::vector<std::size_t> offsets = model.offsets();
+    for (std::size_t v = 0; v < shape_.views; ++v) {
+      const std::size_t k = offsets[v + 1] - offsets[v];
+      largest_rank_ = std::max(largest_rank_, k);
+      ops::write_rows(
+          device, texels, k,
+          [&](std::size_t p, std::size_t j) { return model.images[(offsets[v] + j) * texels + p]; },
+          A_, rows.views[3 * v + 1]);
+      ops::write_rows(
+          device, light_channels, k,
+          [&](std::size_t r, std::size_t j) {
+            return model.basis[(offsets[v] + j) * light_channels + r];
+          },
+          B_, rows.views[3 * v + 2]);
+    }
+  }
+
+  void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
+               Buffer& out) override {
+    validate(lookup, shape_);
+    ops::look_up_view_pca(device_, {lookup, shape_, count, lookups, out}, views_, A_, B_, mean_);
+  }
+
+  // One of `pca` for every view.
+  double lookup_flops(const LookupShape& lookup) const override {
+    return static_cast<double>(lookup.views) *
+           ops::look_up_flops({lookup.texels, 1, lookup.lights}, shape_.channels, largest_rank_);
+  }
+
+  static std::size_t bytes(const ViewPcaModel& model) {
+    const Rows rows = rows_of(model);
+    return (model.mean.size() + rows.A_floats + rows.B_floats) * sizeof(float) +
+           rows.views.size() * sizeof(std::uint64_t);
+  }
+
+ private:
+  struct Rows {
+    std::vector<std::uint64_t> views;  // as ops::look_up_view_pca takes them
+    std::size_t A_floats = 0;
+    std::size_t B_floats = 0;
+  };
+
+  static Rows rows_of(const ViewPcaModel& model) {
+    const BtfShape& shape = model.info.btf.shape;
+    Rows rows;
+    std::size_t vectors = 0;  // of all views so far
+    for (std::size_t v = 0; v < shape.views; ++v) {
+      const std::size_t k8 = ops::row_vectors(model.ranks[v]);
+      rows.views.insert(rows.views.end(),
+                        {k8, vectors * shape.texels(), vectors * shape.lights * shape.channels});
+      vectors += k8;
+    }
+    // a row of all views' vectors
+    rows.A_floats = ops::row_floats(shape.texels(), 8 * vectors, "components");
+    rows.B_floats = ops::row_floats(shape.lights * shape.channels, 8 * vectors, "weights");
+    return rows;
+  }
+
+  Device& device_;
+  BtfShape shape_;
+  std::size_t largest_rank_ = 0;
+  Buffer mean_;
+  Buffer A_;
+  Buffer B_;
+  Buffer views_;
 };
 
 class ViewPcaReferenceDecoder final : public ReferenceDecoder {
@@ -222,6 +304,19 @@ class ViewPcaCodec final : public Codec {
 
   std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
     return std::make_unique<ViewPcaReferenceDecoder>(as_view_pca(model));
+  }
+
+  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+    return std::make_unique<ViewPcaDeviceSampler>(device, as_view_pca(model));
+  }
+
+  std::size_t sampler_bytes(const Model& model) const override {
+    return ViewPcaDeviceSampler::bytes(as_view_pca(model));
+  }
+
+  // A view's image is a sum of its components: their averages are those of the image.
+  std::unique_ptr<Model> next_mip_level(const Model& model) const override {
+    return as_view_pca(model).next_mip_level();
   }
 
   // As for `pca`, view by view: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).

@@ -17,6 +17,7 @@ extern const KernelSource error_sums;
 extern const KernelSource gemm;
 extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
+extern const KernelSource look_up_factors;
 extern const KernelSource peak;
 extern const KernelSource render_surface;
 extern const KernelSource scan_tile;

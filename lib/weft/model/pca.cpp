@@ -1,5 +1,6 @@
 #include "weft/model/pca.hpp"
 
+#include "weft/btf/mip.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -75,6 +76,23 @@ std::unique_ptr<PcaModel> PcaModel::select(const Selection& selection) const {
   for (std::size_t j = 0; j < rank; ++j) {
     for (const std::size_t row : rows) model->basis.push_back(basis[j * mean.size() + row]);
   }
+  return model;
+}
+
+std::unique_ptr<PcaModel> PcaModel::next_mip_level() const {
+  if (info.btf.encoding != Encoding::linear) return nullptr;
+  const BtfShape& shape = info.btf.shape;
+  auto model = std::make_unique<PcaModel>();
+  model->info = info;
+  Selection half;
+  half.level = 1;
+  model->info.btf = weft::select(info.btf, half);
+  model->info.errors.reset();  // they were measured of the whole
+  model->rank = rank;
+  model->mean = mean;
+  model->basis = basis;
+  model->coefficients = coefficients;
+  model->coefficients.resize(average_mip(model->coefficients, shape.height, shape.width, rank, 1));
   return model;
 }
 

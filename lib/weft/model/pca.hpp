@@ -33,6 +33,10 @@ struct PcaModel final : Model {
   // The part that decodes to a selection; its mip level is not looked at.
   std::unique_ptr<PcaModel> select(const Selection& selection) const;
 
+  // The model of the next mip level, its coefficients averaged over 2 x 2 texels, unrounded; null
+  // unless the encoding is linear.
+  std::unique_ptr<PcaModel> next_mip_level() const;
+
   // From a validated file; throws an input error where the tensors do not fit each other.
   static std::unique_ptr<PcaModel> read(const ModelFile& file);
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "weft/btf/mip.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -101,6 +102,29 @@ std::unique_ptr<ViewPcaModel> ViewPcaModel::select(const Selection& selection) c
     }
   }
   model->ranks = IndexTensor(kept, *std::max_element(kept.begin(), kept.end()) + std::size_t{1});
+  return model;
+}
+
+std::unique_ptr<ViewPcaModel> ViewPcaModel::next_mip_level() const {
+  if (info.btf.encoding != Encoding::linear) return nullptr;
+  const BtfShape& shape = info.btf.shape;
+  auto model = std::make_unique<ViewPcaModel>();
+  model->info = info;
+  Selection half;
+  half.level = 1;
+  model->info.btf = weft::select(info.btf, half);
+  model->info.errors.reset();  // they were measured of the whole
+  model->ranks = ranks;
+  model->mean = mean;
+  model->basis = basis;
+  std::vector<float> image;
+  for (auto first = images.begin(); first != images.end();) {
+    const auto end = first + static_cast<std::ptrdiff_t>(shape.texels());
+    image.assign(first, end);
+    image.resize(average_mip(image, shape.height, shape.width, 1, 1));
+    model->images.insert(model->images.end(), image.begin(), image.end());
+    first = end;
+  }
   return model;
 }
 

@@ -39,6 +39,10 @@ struct ViewPcaModel final : Model {
   // The part that decodes to a selection; its mip level is not looked at.
   std::unique_ptr<ViewPcaModel> select(const Selection& selection) const;
 
+  // The model of the next mip level, its images averaged over 2 x 2 texels, unrounded; null unless
+  // the encoding is linear.
+  std::unique_ptr<ViewPcaModel> next_mip_level() const;
+
   // From a validated file; throws an input error where the tensors do not fit each other.
   static std::unique_ptr<ViewPcaModel> read(const ModelFile& file);
 };

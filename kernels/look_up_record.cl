@@ -1,0 +1,44 @@
+// A record of a look-up, as lib/weft/btf/lookup.hpp lays it out:
+//
+//   [ texels | views | lights | weights of each group of more than one ]
+//
+// TEXELS    1 or 4 texels
+// VIEWS     1 or 3 views
+// LIGHTS    1 or 3 lights
+// CHANNELS  C
+// LOOKUPS   look-ups that a work-item does, one behind the other
+#ifndef TEXELS
+#define TEXELS 1
+#endif
+#ifndef VIEWS
+#define VIEWS 1
+#endif
+#ifndef LIGHTS
+#define LIGHTS 1
+#endif
+#ifndef CHANNELS
+#define CHANNELS 3
+#endif
+#ifndef LOOKUPS
+#define LOOKUPS 64
+#endif
+
+#define TAPS (TEXELS + VIEWS + LIGHTS)
+#define TEXEL_WEIGHTS (TEXELS > 1 ? TEXELS : 0)
+#define VIEW_WEIGHTS (VIEWS > 1 ? VIEWS : 0)
+#define LIGHT_WEIGHTS (LIGHTS > 1 ? LIGHTS : 0)
+#define WORDS (TAPS + TEXEL_WEIGHTS + VIEW_WEIGHTS + LIGHT_WEIGHTS)
+
+inline uint texel_of(__global const uint* record, uint tap) { return record[tap]; }
+inline uint view_of(__global const uint* record, uint tap) { return record[TEXELS + tap]; }
+inline uint light_of(__global const uint* record, uint tap) { return record[TEXELS + VIEWS + tap]; }
+
+inline float texel_weight(__global const uint* record, uint tap) {
+  return TEXELS > 1 ? as_float(record[TAPS + tap]) : 1.0f;
+}
+inline float view_weight(__global const uint* record, uint tap) {
+  return VIEWS > 1 ? as_float(record[TAPS + TEXEL_WEIGHTS + tap]) : 1.0f;
+}
+inline float light_weight(__global const uint* record, uint tap) {
+  return LIGHTS > 1 ? as_float(record[TAPS + TEXEL_WEIGHTS + VIEW_WEIGHTS + tap]) : 1.0f;
+}
