@@ -219,6 +219,8 @@ TEST(Selection, NamesAndMaskFollow) {
   info.channel_names = {"R", "G", "B"};
   info.mask = {1, 1, 1, 1, 1, 1,  //
                1, 0, 1, 0, 0, 1};
+  info.mask_distance = {0, 0,  0,    0,     0,     0,  //
+                        1, -1, 0.5f, -0.5f, -0.5f, 0.25f};
   Selection selection;
   selection.views = Indices{1};
   selection.channels = Indices{2};
@@ -226,11 +228,13 @@ TEST(Selection, NamesAndMaskFollow) {
   BtfInfo result = select(info, selection);
   EXPECT_EQ(result.channel_names, std::vector<std::string>{"B"});
   EXPECT_EQ(result.mask, (std::vector<std::uint8_t>{0, 1, 0, 1}));
+  EXPECT_EQ(result.mask_distance, (std::vector<float>{-1, 0.5f, -0.5f, 0.25f}));
   // Reduced: three columns become two, the first with one of four texels, the second with both.
   selection.region = Region{0, 0, 3, 2};
   selection.level = 1;
   result = select(info, selection);
   EXPECT_EQ(result.mask, (std::vector<std::uint8_t>{0, 1}));
+  EXPECT_EQ(result.mask_distance, (std::vector<float>{-0.25f, 0.375f}));
 }
 
 TEST(Mip, SidesRoundUp) {

@@ -1,6 +1,7 @@
 // What a BtfInfo must fulfil, and the names of its enumerations.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "support/expect_error.hpp"
@@ -94,6 +95,14 @@ TEST(Validate, ChannelNamesAndMaskHaveTheRightCount) {
   info.mask.assign(8, 1);
   info.mask[5] = 2;
   expect_invalid(info, {"mask value 2 at index 5"});
+  info.mask.clear();
+  info.mask_distance.assign(4, 1);
+  expect_invalid(info, {"mask_distance", "4", "8"});
+  info.mask_distance.assign(8, -1);
+  info.mask_distance[6] = 1.5f;
+  expect_invalid(info, {"mask_distance value 1.5 at index 6"});
+  info.mask_distance[6] = std::nanf("");
+  expect_invalid(info, {"mask_distance value nan at index 6"});
 }
 
 TEST(Names, GoBothWays) {

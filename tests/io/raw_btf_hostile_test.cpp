@@ -166,6 +166,15 @@ TEST(ForeignRawBtf, RefusesWhatIsNoRawBtf) {
   refused({"mask", "F16"}, [](RawFile& raw) {
     raw.tensors.push_back({"mask", "F16", "[1,1,2]", "abcd"});
   });
+  refused({"mask_distance", "[2]", "[1, 1, 2]"}, [](RawFile& raw) {
+    raw.tensors.push_back({"mask_distance", "F32", "[2]", std::string(8, 0)});
+  });
+  refused({"mask_distance", "U8"}, [](RawFile& raw) {
+    raw.tensors.push_back({"mask_distance", "U8", "[1,1,2]", {1, 1}});
+  });
+  refused({"mask_distance value nan at index 1"}, [](RawFile& raw) {
+    raw.tensors.push_back({"mask_distance", "F32", "[1,1,2]", floats({0, std::nanf("")})});
+  });
   refused({"mask value 97 at index 1"}, [](RawFile& raw) {
     raw.tensors.push_back({"mask", "U8", "[1,1,2]", {1, 'a'}});
   });

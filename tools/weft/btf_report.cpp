@@ -52,6 +52,7 @@ void add_btf_fields(Report& report, const BtfInfo& info) {
                                      "[" + json.substr(1) + "]"});
   }
   report.add("mask", !info.mask.empty());
+  if (!info.mask_distance.empty()) report.add("mask_distance", true);
   if (!info.source.empty()) report.add("source", info.source);
 }
 

@@ -110,6 +110,19 @@ void validate(const BtfInfo& info, std::string_view where) {
     fail_input("{}: {} channel names for {} channels", where, info.channel_names.size(),
                shape.channels);
   }
+  if (!info.mask_distance.empty()) {
+    if (info.mask_distance.size() != shape.views * shape.texels()) {
+      fail_input("{}: mask_distance holds {} values, shape {} asks for {}", where,
+                 info.mask_distance.size(), sizes, shape.views * shape.texels());
+    }
+    for (std::size_t i = 0; i < info.mask_distance.size(); ++i) {
+      // Written so that NaN fails.
+      if (!(std::abs(info.mask_distance[i]) <= 1)) {
+        fail_input("{}: mask_distance value {} at index {} is outside [-1, 1]", where,
+                   info.mask_distance[i], i);
+      }
+    }
+  }
   if (!info.mask.empty()) {
     if (info.mask.size() != shape.views * shape.texels()) {
       fail_input("{}: mask holds {} values, shape {} asks for {}", where, info.mask.size(), sizes,

@@ -60,6 +60,9 @@ struct BtfInfo {
   std::vector<std::string> channel_names;   // C, or empty
   std::string source;                       // free text: where the data came from
   std::vector<std::uint8_t> mask;           // (V, Y, X), 1 where the view meets material; or empty
+  // (V, Y, X), the signed distance to the material's outline on one scale for all views, in [-1, 1]
+  // and positive where the view meets material; or empty. Models do not keep it.
+  std::vector<float> mask_distance;
 
   std::size_t bytes() const { return shape.values() * size_of(dtype); }
   std::size_t image_bytes() const { return shape.image_values() * size_of(dtype); }
@@ -68,7 +71,8 @@ struct BtfInfo {
 // Throws an input error that names `where` (the file), the field and the value unless: every size
 // is at least 1, their product at most 2^48 and the channels at most 1024; dtype is U8, F16 or F32;
 // direction counts match the shape and layout; every direction is finite and of unit length within
-// 1e-3; `paired` has L = 1; channel names and mask, where given, have the right count.
+// 1e-3; `paired` has L = 1; channel names, mask and mask distance, where given, have the right
+// count, and these last two the right range.
 void validate(const BtfInfo& info, std::string_view where);
 
 }  // namespace weft

@@ -116,6 +116,25 @@ std::vector<std::uint8_t> select_mask(const BtfInfo& info, const std::vector<std
   return result;
 }
 
+// The selected views' distances, cropped and reduced to their means.
+std::vector<float> select_mask_distance(const BtfInfo& info, const std::vector<std::size_t>& views,
+                                        const Region& region, std::size_t level) {
+  std::vector<float> result;
+  if (info.mask_distance.empty()) return result;
+  BtfShape grey = info.shape;
+  grey.channels = 1;
+  std::vector<float> distances;
+  for (const std::size_t view : views) {
+    const auto whole = std::span(info.mask_distance).subspan(view * grey.texels(), grey.texels());
+    distances.resize(region.width * region.height);
+    crop(std::as_bytes(whole), grey, region, {0}, sizeof(float),
+         std::as_writable_bytes(std::span(distances)));
+    distances.resize(average_mip(distances, region.height, region.width, 1, level));
+    result.insert(result.end(), distances.begin(), distances.end());
+  }
+  return result;
+}
+
 // See selection.hpp: reads the selected part of another source.
 class SelectedSource : public TileSource {
  public:
@@ -326,6 +345,7 @@ BtfInfo select(const BtfInfo& info, const Selection& selection) {
       gathered(info.light_directions, info.layout == Layout::paired ? views : lights);
   result.channel_names = gathered(info.channel_names, channels);
   result.mask = select_mask(info, views, region, selection.level);
+  result.mask_distance = select_mask_distance(info, views, region, selection.level);
   return result;
 }
 

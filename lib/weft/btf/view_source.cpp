@@ -13,6 +13,11 @@ BtfInfo info_of_view(const BtfInfo& whole, std::size_t view) {
     const auto first = whole.mask.begin() + static_cast<std::ptrdiff_t>(view) * texels;
     info.mask.assign(first, first + texels);
   }
+  if (!whole.mask_distance.empty()) {
+    const auto texels = static_cast<std::ptrdiff_t>(whole.shape.texels());
+    const auto first = whole.mask_distance.begin() + static_cast<std::ptrdiff_t>(view) * texels;
+    info.mask_distance.assign(first, first + texels);
+  }
   return info;
 }
 

@@ -111,6 +111,20 @@ void get_btf_side_tensors(const SafetensorsFile& file, BtfInfo& info) {
   validate(info, file.path().string());
 }
 
+TensorInfo mask_distance_tensor(const BtfInfo& info) {
+  return {"mask_distance", DType::f32, {info.shape.views, info.shape.height, info.shape.width}};
+}
+
+void get_mask_distance(const SafetensorsFile& file, BtfInfo& info) {
+  info.mask_distance.clear();
+  if (file.find("mask_distance") == nullptr) return;
+  const TensorInfo& tensor =
+      checked_tensor(file, "mask_distance", DType::f32, mask_distance_tensor(info).shape);
+  info.mask_distance.resize(tensor.bytes() / sizeof(float));
+  std::memcpy(info.mask_distance.data(), file.data(tensor).data(), tensor.bytes());
+  validate(info, file.path().string());
+}
+
 void check_format_version(const SafetensorsFile& file) {
   const std::string_view found = file.value("weft.format");
   if (found.empty() || found == file_format_version) return;

@@ -26,6 +26,11 @@ std::span<const std::byte> btf_side_values(const BtfInfo& info, std::string_view
 // of `info` are set.
 void get_btf_side_tensors(const SafetensorsFile& file, BtfInfo& info);
 
+// mask_distance [V,Y,X] as F32, which raw files may have beside the mask and models have not.
+TensorInfo mask_distance_tensor(const BtfInfo& info);
+// Fills it in from a file that has it, and checks it.
+void get_mask_distance(const SafetensorsFile& file, BtfInfo& info);
+
 // The version of our files in the metadata `weft.format`.
 inline constexpr const char* file_format_version = "1";
 // Throws an input error for a file whose `weft.format` is another version, naming both.

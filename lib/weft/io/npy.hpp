@@ -26,6 +26,7 @@ NpyHeader read_npy_header(const std::filesystem::path& path);
 std::string make_npy_header(DType dtype, const std::vector<std::size_t>& shape);
 
 // [V,L,Y,X,C] with a `.json` of directions beside it (same name, other ending): see open_npy_btf.
+// The JSON holds the mask, as runs, but no mask distance.
 std::unique_ptr<TileSink> create_npy_btf(const std::filesystem::path& path, const BtfInfo& info);
 
 // Reads such a pair. JSON: `views` and `lights`, lists of {"dir":[x,y,z]} or {"theta":..,"phi":..}

@@ -44,6 +44,7 @@ BtfInfo read_info(const SafetensorsFile& file) {
   info.dtype = btf.dtype;
   get_btf_metadata(file, info);
   get_btf_side_tensors(file, info);
+  get_mask_distance(file, info);
   return info;
 }
 
@@ -55,6 +56,10 @@ class RawBtfSink final : public TileSink {
         writer_(path, tensors(info), metadata(info)) {
     for (const TensorInfo& tensor : btf_side_tensors(info_)) {
       writer_.write(tensor.name, 0, btf_side_values(info_, tensor.name));
+    }
+    if (!info_.mask_distance.empty()) {
+      writer_.write(mask_distance_tensor(info_).name, 0,
+                    std::as_bytes(std::span(info_.mask_distance)));
     }
   }
 
@@ -78,6 +83,7 @@ class RawBtfSink final : public TileSink {
          info.dtype,
          {shape.views, shape.lights, shape.height, shape.width, shape.channels}}};
     for (TensorInfo& tensor : btf_side_tensors(info)) result.push_back(std::move(tensor));
+    if (!info.mask_distance.empty()) result.push_back(mask_distance_tensor(info));
     return result;
   }
 
