@@ -28,7 +28,8 @@ struct ShadingPoint {
   // of the parallelogram it covers there.
   std::array<float, 2> footprint{};
   std::array<float, 3> position{};  // in the world, z up
-  // The material's axes in the world, orthonormal and right-handed: tangent = +x, bitangent = +y.
+  // The material's axes in the world, orthonormal: tangent = +x, bitangent = +y. Left-handed where
+  // the texture coordinates are mirrored, or where a sheet is seen from behind.
   std::array<float, 3> tangent{1, 0, 0}, bitangent{0, 1, 0}, normal{0, 0, 1};
   std::array<float, 3> view{0, 0, 1};  // towards the eye, in (tangent, bitangent, normal); z > 0
   std::array<float, 3> behind{};       // radiance that is seen where the material has a hole
