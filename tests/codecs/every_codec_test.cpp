@@ -338,6 +338,27 @@ TEST_P(EveryCodec, RefusesNaNAndNamesTheFirst) {
   }
 }
 
+// Sums of such values leave the range of float.
+TEST_P(EveryCodec, RefusesLargerMagnitudesAndNamesTheFirst) {
+  const BtfShape shape{2, 3, 4, 5, 3};
+  std::vector<double> values = random_values(shape.values(), 3);
+  const std::size_t at = (((1 * 3 + 0) * 4 + 2) * 5 + 3) * 3 + 1;
+  values[at] = -3e38;
+  values[at + 1] = std::numeric_limits<double>::quiet_NaN();
+  values[values.size() - 1] = 3e38;
+  const auto source = source_of(shape, DType::f32, values);
+  for (const bool nan_zero : {false, true}) {
+    Job job;
+    job.nan_zero = nan_zero;
+    expect_error(ErrorKind::input, {"-3e+38", "view 1, light 0, row 2, column 3, channel 1"},
+                 [&] { run().encode(*source, rank(2), Storage::f16, job); });
+  }
+  values[at] = std::numeric_limits<double>::quiet_NaN();
+  values[at + 1] = -3e38;
+  expect_error(ErrorKind::input, {"NaN", "view 1, light 0, row 2, column 3, channel 1"},
+               [&] { run().encode(*source_of(shape, DType::f32, values), rank(2), Storage::f16); });
+}
+
 // The same bits whatever the memory limit, and whether the input is mapped or read.
 TEST_P(EveryCodec, SameBitsWhateverTheMemory) {
   const BtfShape shape{6, 7, 12, 11, 3};

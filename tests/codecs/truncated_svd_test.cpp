@@ -15,6 +15,7 @@
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/shared_device.hpp"
+#include "weft/codecs/choose_svd.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/error.hpp"
@@ -239,6 +240,74 @@ TEST(SvdChoice, IsReported) {
   EXPECT_EQ(chosen({{"rank", "4"}, {"svd", "randomized"}}).find("svd randomized"), 0U);
   // a small residual, which a Gram matrix in float does not know
   EXPECT_EQ(chosen({{"rank", "40"}}).find("svd qr, 4 passes"), 0U) << chosen({{"rank", "40"}});
+}
+
+// The qr that `auto` may turn to costs no memory beyond that of gram, but for a few blocks of rows
+// beside the smallest data.
+TEST(SvdChoice, AutoByRankTakesNoMoreMemoryThanGram) {
+  for (const BtfShape& shape :
+       {many_texels, few_texels, BtfShape{16, 16, 8, 8, 3}, BtfShape{20, 20, 16, 16, 3},
+        BtfShape{1, 81, 64, 64, 3}, BtfShape{9, 9, 64, 64, 1}, BtfShape{40, 40, 22, 23, 1}}) {
+    const auto source = random_source(shape, DType::u8, 3);
+    const std::size_t smaller = std::min(shape.texels(), shape.images() * shape.channels);
+    for (const Arithmetic arithmetic : {Arithmetic::f32, Arithmetic::f64}) {
+      for (const std::size_t rank : {smaller / 8 + 1, smaller / 2}) {
+        SvdOptions options;
+        options.arithmetic = arithmetic;
+        options.rank = rank;
+        const std::size_t by_auto = plan_truncated_svd(shared_device(), *source, options).total();
+        ASSERT_TRUE(choose_svd(shared_device(), *source, options).verify);
+        options.method = SvdMethod::gram;
+        const std::size_t by_gram = plan_truncated_svd(shared_device(), *source, options).total();
+        const std::size_t blocks = smaller < 64 ? std::size_t{1} << 18 : 0;
+        EXPECT_LE(by_auto, by_gram + blocks)
+            << smaller << " of " << name_of(arithmetic) << ", rank " << rank;
+      }
+    }
+  }
+}
+
+// With a goal, the components may take what the job does not hold otherwise.
+TEST(SvdGoal, UsesTheMemoryThereIs) {
+  for (const BtfShape& shape : {BtfShape{20, 20, 64, 64, 1}, BtfShape{40, 40, 22, 23, 1}}) {
+    const auto source = random_source(shape, DType::u8, 3);
+    for (const SvdMethod method : {SvdMethod::gram, SvdMethod::qr, SvdMethod::randomized}) {
+      SvdOptions options;
+      options.method = method;
+      options.tolerance = 0.01;
+      const auto planned = [&](std::size_t memory, std::size_t held) {
+        Job job;
+        job.memory = memory;
+        job.held.push_back({"the caller's", held});
+        return plan_truncated_svd(shared_device(), *source, options, job).total();
+      };
+      const std::size_t all = planned(std::size_t{1} << 40, 0);
+      const std::size_t least = planned(1, 0);
+      const std::size_t held = 1000000;
+      const std::size_t between = (all + least) / 2;
+      EXPECT_LE(planned(between + held, held), between);
+      EXPECT_GE(planned(between + held, held), between - between / 10);
+    }
+  }
+}
+
+// Texture far below the rounding of another image's mean: no component in float, one in double.
+TEST_P(SvdWays, SmallComponentsAreKeptInDouble) {
+  const BtfShape shape{2, 3, 15, 26, 1};
+  std::vector<double> tensor(shape.values(), 1.0);
+  std::vector<double> dark = random_values(shape.texels(), 4, -1e-9, 1e-9);
+  std::copy(dark.begin(), dark.end(), tensor.end() - static_cast<std::ptrdiff_t>(dark.size()));
+  const auto source = source_of(shape, DType::f32, tensor);
+  const bool resolved = std::get<2>(GetParam()) == "f64";
+  const auto model = encode(*source, {{"rank", "3"}});
+  ASSERT_EQ(model->rank, resolved ? 1U : 0U);
+  if (!resolved) return;
+  std::vector<double> image(shape.image_values());
+  pca_codec().reference_decoder(*model)->decode(5, 1, image);
+  dark = decode_values(source->bytes(), DType::f32);
+  dark.erase(dark.begin(), dark.end() - static_cast<std::ptrdiff_t>(image.size()));
+  // the mean, the component and its coefficients as floats
+  EXPECT_TRUE(all_near(image, dark, 4 * 3 * float_roundoff * 1e-9));
 }
 
 TEST(SvdParameters, AreChecked) {

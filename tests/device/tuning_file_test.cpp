@@ -112,6 +112,27 @@ TEST(ReadTuning, AnAbsentFileIsNoDatabase) {
   EXPECT_TRUE(warnings.empty());
 }
 
+TEST(ReadTuning, AnAbsentFileThatTheEnvironmentNamesIsAWarning) {
+  const TemporaryFolder folder;
+  const std::string missing = (folder / "none.json").string();
+  std::vector<std::string> warnings;
+  {
+    const Environment named({{"WEFT_TUNING", missing}});
+    EXPECT_TRUE(read_user_tuning(warnings).text.empty());
+  }
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("WEFT_TUNING=" + missing), std::string::npos) << warnings[0];
+  {
+    const Environment nothing({{"WEFT_TUNING", std::string()}});
+    EXPECT_TRUE(read_user_tuning(warnings).text.empty());
+  }
+  {
+    const Environment config({{"WEFT_TUNING", std::nullopt}, {"XDG_CONFIG_HOME", missing}});
+    EXPECT_TRUE(read_user_tuning(warnings).text.empty());
+  }
+  EXPECT_EQ(warnings.size(), 1U);
+}
+
 TEST(ReadTuning, WhatCannotBeReadIsAWarning) {
   const TemporaryFolder folder;
   write_text(folder / "large.json", std::string(largest_tuning_file + 1, ' '));

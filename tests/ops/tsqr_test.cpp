@@ -63,10 +63,13 @@ GuardedBuffer packed(const Matrix<Real>& X, std::size_t first, std::size_t count
   return GuardedBuffer(shared_device(), std::span<const Real>(panels), "rows");
 }
 
+using Workspace = ops::Tsqr::Workspace;
+
 // R of X, added by `at_once` rows.
 template <typename Real>
-std::vector<double> factor(const Matrix<Real>& X, std::size_t at_once) {
-  ops::Tsqr tsqr(shared_device(), X.m, arithmetic_of<Real>);
+std::vector<double> factor(const Matrix<Real>& X, std::size_t at_once,
+                           Workspace workspace = Workspace::ample) {
+  ops::Tsqr tsqr(shared_device(), X.m, arithmetic_of<Real>, workspace);
   for (std::size_t first = 0; first < X.K; first += at_once) {
     const std::size_t count = std::min(at_once, X.K - first);
     GuardedBuffer rows = packed(X, first, count);
@@ -77,17 +80,20 @@ std::vector<double> factor(const Matrix<Real>& X, std::size_t at_once) {
 }
 
 // |e_j| / |x_j| of the backward error E, X + E = Q R. A row passes through one block or triangle
-// after the other: at most 16 in its chain, 3 merges of chains, and 16 in a level above; each is m
-// reflectors. One leaves the rounding of its sums, of 64 + rows / 128 + 3 terms in a row, of tau
-// and v (8) and of its update (3). Roundings are taken as independent (Higham & Mary 2019: the root
-// of their number, times 4 for any probability that matters).
+// after the other: at most 16 in its chain, 3 merges of chains, and 16 in a level above (blocks of
+// 1024 rows in 8 chains, or of 256 in 2); each is m reflectors. One leaves the rounding of its
+// sums, of 64 + rows / 128 + 3 terms in a row, of tau and v (8) and of its update (3). Roundings
+// are taken as independent (Higham & Mary 2019: the root of their number, times 4 for any
+// probability that matters).
 template <typename Real>
-double backward_error(std::size_t K, std::size_t m) {
-  const double rows = static_cast<double>(std::min<std::size_t>(K, 1024));
+double backward_error(std::size_t K, std::size_t m, Workspace workspace = Workspace::ample) {
+  const std::size_t block = workspace == Workspace::ample ? 1024 : 256;
+  const std::size_t batch = block * (workspace == Workspace::ample ? 8 : 2);
+  const double rows = static_cast<double>(std::min(K, block));
   const double terms = std::min(rows, 64.0) + rows / 128 + 3 + 8 + 3;
-  const double blocks = std::ceil(static_cast<double>(K) / 8192);
+  const double blocks = std::ceil(static_cast<double>(K) / static_cast<double>(batch));
   const double reductions =
-      std::min(blocks, 16.0) + (K > 1024 ? 3 : 0) + std::min(blocks / 16, 16.0);
+      std::min(blocks, 16.0) + (K > block ? 3 : 0) + std::min(blocks / 16, 16.0) + blocks / 256;
   return 4 * std::sqrt(static_cast<double>(m) * reductions * terms) * roundoff_of<Real>;
 }
 
@@ -99,9 +105,9 @@ double column_norm(std::span<const double> gram, std::size_t m, std::size_t j) {
 // columns; and its singular values are those of X to within |E|. Subnormal columns are off by half
 // a step of their arithmetic per operation beside.
 template <typename Real>
-std::vector<double> expect_factor(const Matrix<Real>& X) {
+std::vector<double> expect_factor(const Matrix<Real>& X, Workspace workspace = Workspace::ample) {
   SCOPED_TRACE(testing::Message() << "K " << X.K << ", m " << X.m << ", f" << 8 * sizeof(Real));
-  const std::vector<double> R = factor(X, X.K);
+  const std::vector<double> R = factor(X, X.K, workspace);
   const std::size_t m = X.m;
   for (std::size_t i = 0; i < m; ++i) {
     for (std::size_t j = 0; j < i; ++j) EXPECT_EQ(R[i * m + j], 0.0) << i << ", " << j;
@@ -109,7 +115,7 @@ std::vector<double> expect_factor(const Matrix<Real>& X) {
   const std::vector<double> wide = X.widened();
   const std::vector<double> expected = reference::gram(X.K, m, wide, m, wide);
   const std::vector<double> actual = reference::gram(m, m, R, m, R);
-  const double bound = backward_error<Real>(X.K, m);
+  const double bound = backward_error<Real>(X.K, m, workspace);
   const double step = std::sqrt(static_cast<double>(X.K * m)) *
                       static_cast<double>(std::numeric_limits<Real>::denorm_min());
   const double own = 2 * gamma(static_cast<double>(X.K + m), double_roundoff);
@@ -174,6 +180,15 @@ TYPED_TEST(Tsqr, StraddlesTheBlockAndTheBatch) {
     expect_factor(random_matrix<TypeParam>(K, 30, 6));
   }
   expect_factor(random_matrix<TypeParam>(132000, 5, 7));
+}
+
+// Blocks of 256 rows in 2 chains.
+TYPED_TEST(Tsqr, LeanStraddlesTheBlockAndTheBatch) {
+  for (const std::size_t K : Sizes{1, 255, 256, 257, 511, 512, 513, 2500, 8191, 8192, 8193}) {
+    expect_factor(random_matrix<TypeParam>(K, 30, 6), Workspace::lean);
+  }
+  expect_factor(random_matrix<TypeParam>(140000, 5, 7), Workspace::lean);  // all three levels
+  expect_factor(random_matrix<TypeParam>(700, 260, 8), Workspace::lean);
 }
 
 TYPED_TEST(Tsqr, WideMatrices) {
@@ -334,12 +349,14 @@ TYPED_TEST(Tsqr, RefusesWhatIsNotFinite) {
 
 TYPED_TEST(Tsqr, TakesTheBytesItForesees) {
   Device& device = shared_device();
-  for (const std::size_t m : Sizes{1, 30, 1200}) {
-    const std::size_t before = device.allocated();
-    const ops::Tsqr tsqr(device, m, arithmetic_of<TypeParam>);
-    const std::size_t foreseen = ops::Tsqr::bytes(device, m, arithmetic_of<TypeParam>);
-    EXPECT_LE(device.allocated() - before, foreseen);
-    EXPECT_GE(2 * (device.allocated() - before), foreseen - 2 * m * m * sizeof(double));
+  for (const Workspace workspace : {Workspace::ample, Workspace::lean}) {
+    for (const std::size_t m : Sizes{1, 30, 1200}) {
+      const std::size_t before = device.allocated();
+      const ops::Tsqr tsqr(device, m, arithmetic_of<TypeParam>, workspace);
+      const std::size_t foreseen = ops::Tsqr::bytes(device, m, arithmetic_of<TypeParam>, workspace);
+      EXPECT_LE(device.allocated() - before, foreseen);
+      EXPECT_GE(2 * (device.allocated() - before), foreseen - 2 * m * m * sizeof(double));
+    }
   }
 }
 

@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <string>
 
 #include "progress.hpp"
@@ -75,6 +77,21 @@ TEST(DeviceOptions, AreRead) {
   EXPECT_EQ(options.memory, std::size_t{1} << 30);
   EXPECT_TRUE(options.profile);
   EXPECT_THROW(app.parse("--memory much"), Error);
+}
+
+TEST(Seed, IsANumberOf64Bits) {
+  CLI::App app;
+  std::uint64_t seed = 0;
+  add_seed_option(app, seed, "the test");
+  app.parse("--seed 18446744073709551615");
+  EXPECT_EQ(seed, std::numeric_limits<std::uint64_t>::max());
+  for (const char* text : {"18446744073709551616", "99999999999999999999", "-1", "1.5", "x", ""}) {
+    EXPECT_NE(input_error([&] {
+                app.parse(std::vector<std::string>{text, "--seed"});
+              }).find(std::string("--seed ") + text),
+              std::string::npos)
+        << text;
+  }
 }
 
 TEST(Progress, Line) {

@@ -162,6 +162,8 @@ TEST_F(Compress, BadRequestsAreStatusTwoAndLeaveNothing) {
       {{raw(), "--region", "0,0,99x1", "-o", out}, "region"},
       {{raw(), "--memory", "10KiB", "-o", out}, "--memory 10240"},
       {{raw(), "--memory", "lots", "-o", out}, "lots"},
+      {{raw(), "--seed", "18446744073709551616", "-o", out}, "--seed 18446744073709551616"},
+      {{raw(), "--seed", "1e3", "-o", out}, "--seed 1e3"},
       {{raw(), "--device", "abacus", "-o", out}, "abacus"},
       {{raw(), "-o", path("bad.txt")}, "bad.txt"},
       {{raw(), "-o", path("nowhere/bad.weft")}, "nowhere"},

@@ -160,6 +160,7 @@ TEST(Tune, BadUsageIsNamed) {
       {{"--kernel", "gem"}, {"gem", "decode_pca"}},
       {{"--budget", "-1"}, {"--budget"}},
       {{"--budget", "soon"}, {"--budget"}},
+      {{"--seed", "18446744073709551616"}, {"--seed 18446744073709551616"}},
       {{"--device", "reference"}, {"reference"}},
       {{"--output", (folder / "notes.txt").string()}, {"notes.txt"}},
       {{"--output", folder.path().string()}, {folder.path().string()}},
@@ -198,6 +199,13 @@ TEST(TuningDatabaseInUse, BrokenAndForeignEntriesAreWarnedOfUnlessQuiet) {
   const json tuning = json::parse(result.out).at("tuning").at("scan_tile");
   EXPECT_EQ(tuning.at("CHUNK"), 256);
   EXPECT_EQ(tuning.at("source"), file.string());
+
+  const std::string missing = (folder / "missing.json").string();
+  const std::vector<std::string> list{"tune", "--list", "--kernel", "scan_tile"};
+  const ProcessResult unread = run_weft(list, {{"WEFT_TUNING", missing}});
+  EXPECT_EQ(unread.status, 0);
+  EXPECT_NE(unread.err.find("warning: WEFT_TUNING=" + missing), std::string::npos) << unread.err;
+  EXPECT_EQ(run_weft(list, {{"WEFT_TUNING", ""}}).err, "");
 
   std::vector<std::string> quiet = command;
   quiet.push_back("--quiet");

@@ -63,6 +63,22 @@ void add_device_options(CLI::App& command, DeviceOptions& options) {
       ->group("Device");
 }
 
+void add_seed_option(CLI::App& command, std::uint64_t& seed, const std::string& what) {
+  command
+      .add_option_function<std::string>(
+          "--seed",
+          [&seed](const std::string& text) {
+            const char* const end = text.data() + text.size();
+            const auto parsed = std::from_chars(text.data(), end, seed);
+            if (parsed.ec != std::errc{} || parsed.ptr != end) {
+              fail_input("--seed {}: a whole number from 0 to 2^64 - 1 is needed", text);
+            }
+          },
+          "Seed of " + what)
+      ->type_name("NUMBER")
+      ->default_str("0");
+}
+
 std::size_t parse_size(std::string_view text, std::string_view option) {
   double number = 0;
   const char* const end = text.data() + text.size();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -31,6 +32,9 @@ struct DeviceOptions {
   bool reference() const { return device == "reference"; }
 };
 void add_device_options(CLI::App& command, DeviceOptions& options);
+
+// --seed, a number of 64 bits; `what` is seeded.
+void add_seed_option(CLI::App& command, std::uint64_t& seed, const std::string& what);
 
 // "1GiB", "1.5G", "512MiB", "64KiB", "4000000", "1GB": K, M, G, T with or without iB are powers of
 // 1024; kB, MB, GB, TB powers of 1000; no unit means bytes. At least 1. Throws an input error that

@@ -174,9 +174,7 @@ void add_compress(CLI::App& program, Action& action) {
                    "NaN and infinite values in the input: error, or zero to read them as 0")
       ->check(CLI::IsMember({"error", "zero"}))
       ->type_name("CHOICE");
-  command->add_option("--seed", options->seed, "Seed of random starts")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("NUMBER");
+  add_seed_option(*command, options->seed, "random starts");
   command
       ->add_option("--peak", options->peak,
                    "Peak of the PSNR; 0: 1 for 8-bit data, the largest magnitude for float data")

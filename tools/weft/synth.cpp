@@ -160,9 +160,7 @@ void add_synth(CLI::App& program, Action& action) {
   command->add_option("--dtype", options->dtype, "u8 (sRGB encoding), or f16 or f32 (linear light)")
       ->check(CLI::IsMember({"u8", "f16", "f32"}))
       ->type_name("TYPE");
-  command->add_option("--seed", options->seed, "Seed of the jitter")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("NUMBER");
+  add_seed_option(*command, options->seed, "the jitter");
   command
       ->add_option("-o,--output", options->output,
                    "Raw BTF to write: NAME.safetensors, or NAME.npy with directions in NAME.json")

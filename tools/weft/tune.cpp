@@ -196,9 +196,7 @@ void add_tune(CLI::App& program, Action& action) {
       ->add_option("--output", options->output,
                    "Tuning database to write to (default: the user's own)")
       ->type_name("FILE");
-  command->add_option("--seed", options->seed, "Seed of the search")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("NUMBER");
+  add_seed_option(*command, options->seed, "the search");
   command->add_flag("--list", options->list,
                     "Only list the kernels' macros, their values and where these come from");
   add_device_options(*command, options->device);

@@ -155,8 +155,8 @@ class PcaCodec final : public Codec {
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
     SvdOptions options = svd_options(*this, parameters);
-    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
     reference::PcaFit fit = reference::encode_pca(source, reference_request(options), job);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
     describe(*fit.model, source.info(), storage,
              svd_parameters_json(options, fit.method, fit.passes, "the reference's way"));
     fit.model->round_to_storage();

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <vector>
 
-#include "weft/error.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft {
@@ -14,10 +15,12 @@ SourceScan scan_source(Device& device, TileSource& source, Job& job) {
   const StageTimer timer(job, "scan", 0, static_cast<double>(info.bytes()));
   SourceScan scan;
   scan.means.reserve(shape.images() * shape.channels);
+  std::optional<std::size_t> too_large;  // first image of the first tile that holds such a value
   TileStream(device, source, image_granule(shape))
       .for_each([&](std::size_t first, std::size_t count, const Buffer& raw) {
         const ops::TileScan tile = ops::scan_tile(device, tile_shape(info, count, job), raw);
-        if (tile.first_bad && !job.nan_zero) {
+        if (tile.largest > reference::largest_magnitude && !too_large) too_large = first;
+        if (tile.first_bad && !job.nan_zero && !too_large) {
           reference::fail_non_finite(shape, first * shape.image_values() + *tile.first_bad);
         }
         for (const double sum : tile.sums) {
@@ -26,11 +29,12 @@ SourceScan scan_source(Device& device, TileSource& source, Job& job) {
         scan.largest = std::max(scan.largest, static_cast<double>(tile.largest));
         job.advance("scan", first + count, shape.images());
       });
-  // Beyond, sums of values leave the range of float.
-  constexpr double largest_magnitude = 0x1p100;
-  if (scan.largest > largest_magnitude) {
-    fail_input("the input's largest magnitude is {:g}; devices take values up to {:g}",
-               scan.largest, largest_magnitude);
+  if (too_large) {
+    // The reference's reader names the first value that is not taken.
+    std::vector<double> image(shape.image_values());
+    for (std::size_t i = *too_large; i < shape.images(); ++i) {
+      reference::read_tile(source, i, 1, job.nan_zero, image);
+    }
   }
   return scan;
 }

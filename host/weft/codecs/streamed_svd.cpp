@@ -10,7 +10,6 @@
 #include "weft/ops/gram.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/ops/syrk.hpp"
-#include "weft/ops/tsqr.hpp"
 
 namespace weft {
 namespace {
@@ -69,7 +68,7 @@ MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
       first.add("Gram matrix", m * m * size_of(shape.arithmetic) +
                                    ops::syrk_bytes(device, m, shape.granule, shape.arithmetic));
     } else {
-      first.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic));
+      first.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic, target.workspace));
     }
     first.add("small problem", m * m * sizeof(double));
     // the SVD by divide and conquer, its check and its copies: 12 matrices, and the triangle
@@ -96,12 +95,12 @@ MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
 }
 
 std::size_t columns_within(const Device& device, const StreamShape& shape, SvdTarget target,
-                           std::size_t memory) {
+                           std::size_t beside, std::size_t memory) {
   const std::size_t largest = device.limits().largest_allocation;
   const std::size_t longer = std::max(shape.rows, shape.columns);
   const auto fits = [&](std::size_t columns) {
     target.most_columns = columns;
-    return plan_streamed_svd(device, shape, target).total() <= memory &&
+    return plan_streamed_svd(device, shape, target).total() + columns * beside <= memory &&
            factor_bytes(device, {longer, 0, 0, shape.arithmetic}, columns) <= largest;
   };
   std::size_t least = 1;  // fits, or nothing does

@@ -19,6 +19,7 @@
 #include "weft/codecs/panel_stream.hpp"
 #include "weft/codecs/svd_options.hpp"
 #include "weft/job.hpp"
+#include "weft/ops/tsqr.hpp"
 
 namespace weft {
 
@@ -34,6 +35,8 @@ struct SvdTarget {
   double noise = 0;             // what is shorter is rounding of the input
   // Columns of a basis that memory allows.
   std::size_t most_columns = std::numeric_limits<std::size_t>::max();
+  // lean: qr takes no more than gram would
+  ops::Tsqr::Workspace workspace = ops::Tsqr::Workspace::ample;
 
   bool has_goal() const { return tolerance > 0 || energy > 0; }
 };
@@ -66,8 +69,9 @@ struct StreamShape {
 MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
                              const SvdTarget& target);
 
-// The most columns of a basis that `memory` bytes hold.
+// The most columns of a basis that `memory` bytes hold, where the caller keeps `beside` bytes for
+// each; 1 where there is room for none.
 std::size_t columns_within(const Device& device, const StreamShape& shape, SvdTarget target,
-                           std::size_t memory);
+                           std::size_t beside, std::size_t memory);
 
 }  // namespace weft

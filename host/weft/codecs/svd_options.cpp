@@ -36,6 +36,10 @@ std::string_view name_of(Arithmetic arithmetic) {
   return arithmetic == Arithmetic::f32 ? "f32" : "f64";
 }
 
+double mean_noise(Arithmetic arithmetic) {
+  return arithmetic == Arithmetic::f32 ? 0x1p-24 : 0x1p-53;
+}
+
 SvdOptions svd_options(const Codec& codec, const Parameters& parameters) {
   SvdOptions options;
   if (parameters.contains("svd")) {
@@ -70,6 +74,7 @@ reference::SvdRequest reference_request(const SvdOptions& options) {
   request.rank = options.rank;
   request.tolerance = options.tolerance;
   request.energy = options.energy;
+  request.mean_noise = mean_noise(options.arithmetic);
   return request;
 }
 

@@ -27,6 +27,10 @@ struct SvdOptions {
 // "f32" "f64".
 std::string_view name_of(Arithmetic arithmetic);
 
+// Components shorter than this part of the mean's norm are left out. In f32 they are what its own
+// rounding leaves; in f64 that is a component like any other, since the mean is kept as a float.
+double mean_noise(Arithmetic arithmetic);
+
 // The parameters of a codec on this engine, for its table.
 inline constexpr std::array<ParameterSpec, 5> svd_parameters{{
     {"rank", "", "number of components k, 64 unless a goal is given; with a goal, the most"},
@@ -39,7 +43,7 @@ inline constexpr std::array<ParameterSpec, 5> svd_parameters{{
 // The options that `parameters` ask for. Throws input errors that name the option and the value.
 SvdOptions svd_options(const Codec& codec, const Parameters& parameters);
 
-// What they ask of the reference, which computes in double.
+// What they ask of the reference, which computes in double; `arithmetic` as asked of the device.
 reference::SvdRequest reference_request(const SvdOptions& options);
 
 // The same as members of a JSON object, with what was chosen and why: "rank":8,"svd":"gram", ...

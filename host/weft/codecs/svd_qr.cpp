@@ -13,7 +13,7 @@ StreamedSvd svd_qr(Device& device, PanelStream& stream, const SvdTarget& target,
     const double size = static_cast<double>(m);
     const StageTimer timer(job, "QR", 2 * size * size * static_cast<double>(stream.rows()),
                            stream.bytes());
-    ops::Tsqr tsqr(device, m, stream.arithmetic());
+    ops::Tsqr tsqr(device, m, stream.arithmetic(), target.workspace);
     stream.for_each(
         [&](Buffer& panels, std::size_t first, std::size_t count) {
           tsqr.add(panels, count);

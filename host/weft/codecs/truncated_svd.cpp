@@ -26,25 +26,34 @@ StreamShape stream_shape(const BtfShape& shape, StreamedRows rows, Arithmetic ar
 }
 
 // Bytes of the results in floats, beside those on the device: here, and again in a model.
+std::size_t component_bytes(const BtfShape& shape) {
+  return 2 * (shape.texels() + shape.images() * shape.channels) * sizeof(float);
+}
 std::size_t result_bytes(const BtfShape& shape, std::size_t rank) {
   const std::size_t n = shape.images() * shape.channels;
-  return 2 * ((shape.texels() + n) * std::min({rank, shape.texels(), n}) + n) * sizeof(float);
+  return component_bytes(shape) * std::min({rank, shape.texels(), n}) + 2 * n * sizeof(float);
 }
 
-// With a goal, half of the memory bounds the rank; the rest is the caller's.
+// With a goal, what the job does not hold otherwise bounds the rank.
 SvdTarget make_target(Device& device, TileSource& source, const SvdOptions& options,
                       SvdMethod method, StreamedRows rows, const Job& job) {
   SvdTarget target;
   target.method = method;
+  // The other way of a choice that is verified: planned with every job, and rarely taken.
+  if (options.method == SvdMethod::automatic && !options.has_goal()) {
+    target.workspace = ops::Tsqr::Workspace::lean;
+  }
   target.rank = options.rank;
   target.tolerance = options.tolerance;
   target.energy = options.energy;
   if (target.has_goal()) {
-    const std::size_t streamed = btf_panels_bytes(device, source, rows, options.arithmetic);
-    const std::size_t half = job.memory / 2;
+    const BtfShape& shape = source.info().shape;
+    std::size_t taken =
+        btf_panels_bytes(device, source, rows, options.arithmetic) + result_bytes(shape, 0);
+    for (const MemoryItem& item : job.held) taken += item.bytes;
     target.most_columns =
-        columns_within(device, stream_shape(source.info().shape, rows, options.arithmetic), target,
-                       half > streamed ? half - streamed : 0);
+        columns_within(device, stream_shape(shape, rows, options.arithmetic), target,
+                       component_bytes(shape), job.memory > taken ? job.memory - taken : 0);
   }
   return target;
 }
@@ -156,8 +165,7 @@ TruncatedSvd truncated_svd(Device& device, TileSource& source, const SvdOptions&
   const auto factorise = [&](SvdMethod method) {
     SvdTarget target = make_target(device, source, options, method, choice.rows, job);
     target.constant_squares = mean_squares;
-    // What the mean's rounding to float leaves is not a component.
-    target.noise = 0x1p-24 * std::sqrt(mean_squares);
+    target.noise = mean_noise(options.arithmetic) * std::sqrt(mean_squares);
     StreamedSvd svd = streamed_svd(device, *stream, target, job);
     result.passes += svd.passes;
     return svd;

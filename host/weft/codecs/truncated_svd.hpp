@@ -25,8 +25,8 @@ struct TruncatedSvd {
   std::string reason;                       // and why
 };
 
-// What truncated_svd will take. With a goal, half of job.memory bounds the rank; without, the job
-// makes no difference.
+// What truncated_svd will take. With a goal, what job.held leaves of job.memory bounds the rank;
+// without, the job makes no difference.
 MemoryPlan plan_truncated_svd(Device& device, TileSource& source, const SvdOptions& options,
                               const Job& job = {});
 

@@ -209,15 +209,19 @@ class ViewPcaCodec final : public Codec {
     // Where only a goal is given, so many per view are planned for, and no more are kept.
     const std::size_t planned =
         std::min({options.rank > 0 ? options.rank : planned_rank, shape.texels(), light_channels});
+    Job view_job = job;  // one plan and one progress: those of the whole
+    view_job.progress = {};
+    view_job.held.push_back(
+        {"model", shape.views * (planned * (shape.texels() + light_channels) + light_channels) *
+                      sizeof(float)});
     // All views have one shape, and so one plan.
     ViewSource first_view(source, 0);
-    MemoryPlan plan = plan_truncated_svd(device, first_view, options, job);
-    plan.add("model", shape.views * (planned * (shape.texels() + light_channels) + light_channels) *
-                          sizeof(float));
-    job.plan(plan);
+    view_job.plan(plan_truncated_svd(device, first_view, options, view_job));
+    view_job.on_plan = {};
 
     // NaN is looked for in the whole, where it has its own view's number.
     scan_source(device, source, job);
+    view_job.stages = job.stages;
 
     auto model = std::make_unique<ViewPcaModel>();
     model->images.reserve(shape.views * planned * shape.texels());
@@ -227,9 +231,6 @@ class ViewPcaCodec final : public Codec {
     std::size_t components = 0;
     std::map<SvdMethod, std::size_t> methods;  // views that each took
     std::map<SvdMethod, std::string> reasons;
-    Job view_job = job;  // one plan and one progress: those of the whole
-    view_job.progress = {};
-    view_job.on_plan = {};
     for (std::size_t v = 0; v < shape.views; ++v) {
       ViewSource view(source, v);
       const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
@@ -269,8 +270,8 @@ class ViewPcaCodec final : public Codec {
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
     SvdOptions options = view_options(parameters);
-    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
     reference::ViewPcaFit fit = reference::encode_view_pca(source, reference_request(options), job);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
     std::unique_ptr<ViewPcaModel> model = std::move(fit.model);
     std::vector<std::uint32_t> ranks;
     for (std::size_t v = 0; v < model->ranks.size(); ++v) {

@@ -32,7 +32,7 @@ Tuning load_tuning(const DeviceLimits& limits) {
   std::vector<DeviceFingerprint> present;
   for (const DeviceLimits& device : list_devices()) present.push_back(fingerprint(device));
   std::vector<std::string> warnings;
-  const TuningDatabase user = read_tuning(user_tuning_file(), warnings);
+  const TuningDatabase user = read_user_tuning(warnings);
   return Tuning(limits, present, shipped_tuning(), user, std::move(warnings));
 }
 

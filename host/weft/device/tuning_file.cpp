@@ -97,6 +97,15 @@ TuningDatabase read_tuning(const std::filesystem::path& file, std::vector<std::s
   return database;
 }
 
+TuningDatabase read_user_tuning(std::vector<std::string>& warnings) {
+  const std::filesystem::path file = user_tuning_file();
+  std::error_code error;
+  if (!file.empty() && environment("WEFT_TUNING") && !std::filesystem::exists(file, error)) {
+    warnings.push_back(fmt::format("WEFT_TUNING={}: there is no such file", file.string()));
+  }
+  return read_tuning(file, warnings);
+}
+
 Json parse_tuning(const TuningDatabase& database) {
   Json root = parse_json(database.text, database.name);
   if (!root.is_object() || !root.contains("format") || root["format"] != format_name) {

@@ -26,6 +26,9 @@ std::filesystem::path user_tuning_file();
 // is too large.
 TuningDatabase read_tuning(const std::filesystem::path& file, std::vector<std::string>& warnings);
 
+// That of user_tuning_file(); a file that $WEFT_TUNING names has to be there, or it is a warning.
+TuningDatabase read_user_tuning(std::vector<std::string>& warnings);
+
 // The database as JSON: an object with an array "entries", the format and its version checked.
 // Throws an input error that names the database.
 nlohmann::json parse_tuning(const TuningDatabase& database);

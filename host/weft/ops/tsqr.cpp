@@ -37,34 +37,37 @@ std::vector<double> read_upper(Device& device, const Buffer& triangles, std::siz
 
 }  // namespace
 
-Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arithmetic) {
+Tsqr::Shape Tsqr::shape_of(const Device& device, std::size_t m, Arithmetic arithmetic,
+                           Workspace workspace) {
   if (m == 0) fail_input("TSQR: a matrix without columns has no triangular factor");
   Shape shape;
   shape.width = panel_width(device, arithmetic);
   shape.panels = ceil_div(m, shape.width);
+  const bool lean = workspace == Workspace::lean;
   // Merging costs m / (48 b) of the reduction.
-  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 8), 1024, 2048);
+  shape.rows = std::clamp<std::size_t>(round_up(m / 2, 8), lean ? 256 : 1024, 2048);
   shape.block = shape.panels * shape.width * shape.rows;
   // Few columns: work for many units comes from many chains. Many columns: it comes from their
   // panels, and the chains' blocks share the last cache.
   constexpr std::size_t cached_bytes = std::size_t{16} << 20;
   const std::size_t cached = cached_bytes / (shape.block * size_of(arithmetic));
-  shape.chains = cached >= 8 ? 8 : cached >= 4 ? 4 : 2;
+  shape.chains = lean ? 2 : cached >= 8 ? 8 : cached >= 4 ? 4 : 2;
   shape.triangle = shape.width * shape.width * (shape.panels * (shape.panels + 1) / 2);
   return shape;
 }
 
-std::size_t Tsqr::bytes(const Device& device, std::size_t m, Arithmetic arithmetic) {
-  const Shape shape = shape_of(device, m, arithmetic);
+std::size_t Tsqr::bytes(const Device& device, std::size_t m, Arithmetic arithmetic,
+                        Workspace workspace) {
+  const Shape shape = shape_of(device, m, arithmetic, workspace);
   const std::size_t elements = shape.chains * (shape.block + shape.width * shape.width) +
                                (shape.chains + upper_levels + 1) * shape.triangle;
   return elements * size_of(arithmetic) + m * m * sizeof(double);
 }
 
-Tsqr::Tsqr(Device& device, std::size_t m, Arithmetic arithmetic)
+Tsqr::Tsqr(Device& device, std::size_t m, Arithmetic arithmetic, Workspace workspace)
     : device_(device), m_(m), arithmetic_(arithmetic) {
   require_arithmetic(device, arithmetic);
-  shape_ = shape_of(device, m, arithmetic);
+  shape_ = shape_of(device, m, arithmetic, workspace);
   const std::size_t size = size_of(arithmetic);
   blocks_ = Buffer(device, shape_.chains * shape_.block * size, "blocks of rows");
   triangles_ =

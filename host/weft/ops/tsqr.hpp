@@ -20,13 +20,19 @@ namespace weft::ops {
 //
 // The rows go, by their number, to chains of blocks: chain c of a batch takes rows c b .. (c + 1) b
 // and reduces them onto its triangle. After 16 batches the chains' triangles are merged pairwise
-// and pass on to a second, and by 16 of those to a third level. All sizes follow from m and the
-// arithmetic alone: results do not depend on how rows were cut into add()s, nor on the number of
-// compute units.
+// and pass on to a second, and by 16 of those to a third level. All sizes follow from m, the
+// arithmetic and the workspace alone: results do not depend on how rows were cut into add()s, nor
+// on the number of compute units.
 class Tsqr {
  public:
+  // lean: fewer chains and smaller blocks, for a factorisation that is rarely needed. It takes less
+  // than the host's part of an SVD of R, where that is more than a few hundred KiB; slower on
+  // devices of many compute units.
+  enum class Workspace { ample, lean };
+
   // An input error for f64 on a device without double precision.
-  Tsqr(Device& device, std::size_t m, Arithmetic arithmetic);
+  Tsqr(Device& device, std::size_t m, Arithmetic arithmetic,
+       Workspace workspace = Workspace::ample);
 
   // Adds K rows, packed panels [ceil(m / NR)][K][NR] with NR = panel_width(device, arithmetic).
   // What is in them past column m is not read. Enqueues only.
@@ -37,7 +43,8 @@ class Tsqr {
   std::vector<double> R();  // NOLINT(readability-identifier-naming): its name in mathematics
 
   // Device memory of it, and host memory of R().
-  static std::size_t bytes(const Device& device, std::size_t m, Arithmetic arithmetic);
+  static std::size_t bytes(const Device& device, std::size_t m, Arithmetic arithmetic,
+                           Workspace workspace = Workspace::ample);
 
  private:
   struct Shape {
@@ -48,7 +55,8 @@ class Tsqr {
     std::size_t block = 0;     // elements of a chain's block
     std::size_t triangle = 0;  // elements of a triangle
   };
-  static Shape shape_of(const Device& device, std::size_t m, Arithmetic arithmetic);
+  static Shape shape_of(const Device& device, std::size_t m, Arithmetic arithmetic,
+                        Workspace workspace);
 
   // Rows of one or several blocks and the triangles that they are reduced onto, in elements.
   struct Operands {

@@ -111,8 +111,7 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   const StageTimer timer(job, "iteration");
   request.constant_squares = mean_squares;
   request.seed = job.seed;
-  // What the mean's rounding to float leaves is not a component.
-  request.noise = 0x1p-24 * std::sqrt(mean_squares);
+  request.noise = request.mean_noise * std::sqrt(mean_squares);
   const TruncatedSvd svd = by_texels ? truncated_svd(texels, n, each_texel, request)
                                      : truncated_svd(n, texels, each_image, request);
 

@@ -1,9 +1,12 @@
 #include "weft/reference/tile.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <string>
 
 #include "weft/btf/encoding.hpp"
 #include "weft/error.hpp"
@@ -17,6 +20,18 @@ T load(std::span<const std::byte> raw, std::size_t i) {
   T value;
   std::memcpy(&value, raw.data() + i * sizeof(T), sizeof(T));
   return value;
+}
+
+// Where the value of that index in [V, L, Y, X, C] is.
+std::string place_of(const BtfShape& shape, std::size_t at) {
+  const std::size_t c = at % shape.channels;
+  at /= shape.channels;
+  const std::size_t x = at % shape.width;
+  at /= shape.width;
+  const std::size_t y = at % shape.height;
+  at /= shape.height;
+  return fmt::format("view {}, light {}, row {}, column {}, channel {}", at / shape.lights,
+                     at % shape.lights, y, x, c);
 }
 }  // namespace
 
@@ -46,26 +61,23 @@ void read_tile(TileSource& source, std::size_t first, std::size_t count, bool na
     to_double(info.dtype, raw, nan_zero, out);
   }
   source.release(first, count);
-  const auto bad = std::find_if(out.begin(), out.end(), [](double x) { return !std::isfinite(x); });
-  if (bad != out.end()) {
-    fail_non_finite(info.shape, first * info.shape.image_values() +
-                                    static_cast<std::size_t>(bad - out.begin()));
-  }
+  const auto bad = std::find_if(out.begin(), out.end(),
+                                [](double x) { return !(std::abs(x) <= largest_magnitude); });
+  if (bad == out.end()) return;
+  const std::size_t at =
+      first * info.shape.image_values() + static_cast<std::size_t>(bad - out.begin());
+  if (!std::isfinite(*bad)) fail_non_finite(info.shape, at);
+  fail_input(
+      "the input, as selected, holds {:g}, first beyond 2^100 (1.27e30) at {}: larger magnitudes "
+      "are not taken",
+      *bad, place_of(info.shape, at));
 }
 
 void fail_non_finite(const BtfShape& shape, std::size_t at) {
-  const std::size_t c = at % shape.channels;
-  at /= shape.channels;
-  const std::size_t x = at % shape.width;
-  at /= shape.width;
-  const std::size_t y = at % shape.height;
-  at /= shape.height;
   fail_input(
-      "the input, as selected, holds NaN or an infinity, first at view {}, light {}, row {}, "
-      "column {}, channel "
-      "{}; "
-      "--nan zero reads such values as 0",
-      at / shape.lights, at % shape.lights, y, x, c);
+      "the input, as selected, holds NaN or an infinity, first at {}; --nan zero reads such values "
+      "as 0",
+      place_of(shape, at));
 }
 
 TileScan scan_tile(std::size_t images, std::size_t texels, std::size_t channels,

@@ -15,8 +15,12 @@ namespace weft::reference {
 // Raw values as double: 8-bit as x / 255; with `nan_zero`, NaN and infinities as 0.
 void to_double(DType dtype, std::span<const std::byte> raw, bool nan_zero, std::span<double> out);
 
+// The largest magnitude that encoders take: beyond, sums of values leave the range of float.
+inline constexpr double largest_magnitude = 0x1p100;
+
 // Images [first, first + count) of a source as [count][P][C], and releases them. Throws an input
-// error that names view, light, texel and channel of the first NaN or infinity, unless `nan_zero`.
+// error that names view, light, texel and channel of the first value that is NaN or infinite
+// (unless `nan_zero`) or beyond the largest magnitude.
 void read_tile(TileSource& source, std::size_t first, std::size_t count, bool nan_zero,
                std::span<double> out);
 

@@ -32,6 +32,8 @@ struct SvdRequest {
   double energy = 0;                 // wanted |X_k|^2 / |X|^2; 0: none
   double constant_squares = 0;
   double noise = 0;  // directions shorter than this are rounding of the input
+  // The same as a part of the mean's norm, where a mean is removed first.
+  double mean_noise = 0x1p-24;
   std::uint64_t seed = 0;
 
   bool has_goal() const { return tolerance > 0 || energy > 0; }
