@@ -63,6 +63,7 @@ void add_error_fields(Report& report, const ErrorReport& errors) {
   report.add("snr", errors.snr, "dB");
   report.add("relative", errors.relative);
   report.add("max_error", errors.max_error);
+  if (errors.ssim) report.add("ssim", *errors.ssim);
 }
 
 }  // namespace weft

@@ -32,6 +32,7 @@ struct CompressOptions {
   std::string nan = "error";
   std::uint64_t seed = 0;
   double peak = 0;  // 0: by the data's type
+  bool ssim = false;
   SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
@@ -63,6 +64,7 @@ void run_compress(const CompressOptions& options) {
   const Selection selection = make_selection(options.selection, input->info());
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
+  if (options.ssim) check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
@@ -81,14 +83,17 @@ void run_compress(const CompressOptions& options) {
   model->info.program_version = version();
 
   // measure the model as it is stored
+  SimilarityRequest similarity{options.peak, {}};
+  SimilarityRequest* const wanted = options.ssim ? &similarity : nullptr;
   ErrorSums sums;
   if (device) {
-    sums = measure_errors(*device, *codec.decoder(*device, *model), *source, job);
+    sums = measure_errors(*device, *codec.decoder(*device, *model), *source, job, wanted);
   } else {
-    sums = measure_errors(*codec.reference_decoder(*model), *source, job);
+    sums = measure_errors(*codec.reference_decoder(*model), *source, job, wanted);
   }
   const double peak = options.peak > 0 ? options.peak : psnr_peak(source->info(), sums);
   model->info.errors = weft::report(sums, peak);
+  if (options.ssim) model->info.errors->ssim = similarity.sums.mean();
 
   // write
   std::size_t size = 0;
@@ -111,7 +116,9 @@ void run_compress(const CompressOptions& options) {
   report.add("raw_size", bytes_cell(source->info().bytes()));
   report.add("file_size", bytes_cell(size));
   report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
-  add_error_fields(report.section("errors"), *model->info.errors);
+  Report& errors = report.section("errors");
+  add_error_fields(errors, *model->info.errors);
+  if (options.ssim) errors.add("lowest_ssim", similarity.sums.lowest);
   report.add("device", device_name(device));
   report.add("encode_time", encode_seconds, "s");
   report.add("time", seconds, "s");
@@ -180,6 +187,9 @@ void add_compress(CLI::App& program, Action& action) {
                    "Peak of the PSNR; 0: 1 for 8-bit data, the largest magnitude for float data")
       ->check(CLI::NonNegativeNumber)
       ->type_name("NUMBER");
+  command->add_flag("--ssim", options->ssim,
+                    "Measure the structural similarity too, mean over images of 11 x 11 texels or "
+                    "more; the peak is the PSNR's");
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);

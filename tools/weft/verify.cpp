@@ -30,6 +30,7 @@ struct VerifyOptions {
   std::string against;
   double tolerance = 1;
   std::string nan = "error";
+  bool ssim = false;
   DeviceOptions device;
   OutputOptions report;
 };
@@ -63,7 +64,7 @@ struct Difference {
 };
 
 Difference compare(Device& device, const Codec& codec, const Model& model, TileSource* raw,
-                   Job& job) {
+                   SimilarityRequest* similarity, Job& job) {
   const BtfShape& shape = model.info.btf.shape;
   const std::size_t run = image_granule(shape);
   const std::size_t values = run * shape.image_values();
@@ -95,15 +96,19 @@ Difference compare(Device& device, const Codec& codec, const Model& model, TileS
       reference::read_tile(*raw, first, count, job.nan_zero, tile);
       difference.reference_errors.merge(
           reference::error_sums(tile, std::span(by_reference).first(size)));
+      if (similarity) add_similarities(shape, count, tile, by_reference, *similarity);
     }
     job.advance("device against reference", first + count, shape.images());
   }
   return difference;
 }
 
-std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors) {
-  return {text_cell(name),         number_cell(errors.rmse),     number_cell(errors.psnr),
-          number_cell(errors.snr), number_cell(errors.relative), number_cell(errors.max_error)};
+std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors, bool ssim) {
+  std::vector<Cell> row{
+      text_cell(name),         number_cell(errors.rmse),     number_cell(errors.psnr),
+      number_cell(errors.snr), number_cell(errors.relative), number_cell(errors.max_error)};
+  if (ssim) row.push_back(errors.ssim ? number_cell(*errors.ssim) : Cell{"-", "null", true});
+  return row;
 }
 
 void run_verify(const VerifyOptions& options) {
@@ -116,6 +121,10 @@ void run_verify(const VerifyOptions& options) {
   const std::unique_ptr<Model> model = read_model(options.model);
   const Codec& codec = find_codec(model->info.codec);
   std::shared_ptr<TileSource> raw;
+  if (options.ssim) {
+    if (options.against.empty()) fail_input("--ssim: similar to what? --against names the raw BTF");
+    check_ssim(model->info.btf.shape.height, model->info.btf.shape.width, 1.0);
+  }
   if (!options.against.empty()) raw = fitted_part(options.against, *model, options.nan == "zero");
   std::unique_ptr<Device> device = open_device(options.device, options.report);
 
@@ -129,8 +138,21 @@ void run_verify(const VerifyOptions& options) {
   plan.add("decoded images", run_values * (2 * sizeof(float) + 3 * sizeof(double)));
   job.plan(plan);
 
+  // the device's errors first: they give the peak
+  ErrorReport device_errors;
+  SimilarityRequest similarity;
+  if (raw) {
+    if (model->info.errors) similarity.peak = model->info.errors->peak;
+    const ErrorSums sums = measure_errors(*device, *codec.decoder(*device, *model), *raw, job,
+                                          options.ssim ? &similarity : nullptr);
+    device_errors = weft::report(
+        sums, model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), sums));
+    if (options.ssim) device_errors.ssim = similarity.sums.mean();
+  }
+  SimilarityRequest by_reference{similarity.peak, {}};
   const double unit = codec.decode_tolerance(*model);
-  const Difference difference = compare(*device, codec, *model, raw.get(), job);
+  const Difference difference =
+      compare(*device, codec, *model, raw.get(), options.ssim ? &by_reference : nullptr, job);
   const bool agree = difference.largest <= options.tolerance * unit;
 
   Report report;
@@ -149,24 +171,21 @@ void run_verify(const VerifyOptions& options) {
 
   bool as_recorded = true;
   if (raw) {
-    const ErrorSums device_sums =
-        measure_errors(*device, *codec.decoder(*device, *model), *raw, job);
-    const double peak =
-        model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), device_sums);
-    const ErrorReport device_errors = weft::report(device_sums, peak);
-    std::vector<std::vector<Cell>> rows{
-        error_row("device", device_errors),
-        error_row("reference", weft::report(difference.reference_errors, peak))};
+    ErrorReport reference_errors = weft::report(difference.reference_errors, device_errors.peak);
+    if (options.ssim) reference_errors.ssim = by_reference.sums.mean();
+    std::vector<std::vector<Cell>> rows{error_row("device", device_errors, options.ssim),
+                                        error_row("reference", reference_errors, options.ssim)};
     if (model->info.errors) {
-      rows.push_back(error_row("recorded in the model", *model->info.errors));
+      rows.push_back(error_row("recorded in the model", *model->info.errors, options.ssim));
       // The same sums on another device differ by rounding alone.
       const double recorded = model->info.errors->rmse;
       as_recorded = std::abs(device_errors.rmse - recorded) <= 1e-3 * recorded + unit;
     }
     report.add("against", options.against);
-    report.add("psnr_peak", peak);
-    report.table("errors", {"decoded_by", "rmse", "psnr", "snr", "relative", "max_error"},
-                 std::move(rows));
+    report.add("psnr_peak", device_errors.peak);
+    std::vector<std::string> columns{"decoded_by", "rmse", "psnr", "snr", "relative", "max_error"};
+    if (options.ssim) columns.emplace_back("ssim");
+    report.table("errors", std::move(columns), std::move(rows));
     report.add("as_recorded", as_recorded);
   }
   reported.finish_progress();
@@ -208,6 +227,8 @@ void add_verify(CLI::App& program, Action& action) {
                    "NaN and infinite values in the raw BTF: error, or zero to read them as 0")
       ->check(CLI::IsMember({"error", "zero"}))
       ->type_name("CHOICE");
+  command->add_flag("--ssim", options->ssim,
+                    "With --against: the structural similarity too, mean over images");
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(

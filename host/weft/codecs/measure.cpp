@@ -4,16 +4,45 @@
 #include <vector>
 
 #include "weft/codecs/scan_source.hpp"
+#include "weft/ops/ssim.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft {
+namespace {
 
-ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw, Job& job) {
+double peak_of(DType dtype, double largest) {
+  if (dtype == DType::u8) return 1.0;
+  return largest > 0 ? largest : 1.0;
+}
+
+// The largest magnitude, by the reference.
+double scan_largest(TileSource& raw, const Job& job) {
+  const BtfShape& shape = raw.info().shape;
+  const std::size_t granule = image_granule(shape);
+  std::vector<double> values(granule * shape.image_values());
+  double largest = 0;
+  for (std::size_t first = 0; first < shape.images(); first += granule) {
+    const std::size_t count = std::min(granule, shape.images() - first);
+    const std::span<double> tile = std::span(values).first(count * shape.image_values());
+    reference::read_tile(raw, first, count, job.nan_zero, tile);
+    largest = std::max(largest,
+                       reference::scan_tile(count, shape.texels(), shape.channels, tile).largest);
+  }
+  return largest;
+}
+
+}  // namespace
+
+ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw, Job& job,
+                         SimilarityRequest* similarity) {
   const BtfInfo& info = raw.info();
   const BtfShape& shape = info.shape;
   // 8-bit and half values can be squared in float as they are.
-  const float scale =
-      info.dtype == DType::f32 ? unit_scale(scan_source(device, raw, job).largest) : 1.0f;
+  const bool wants_peak = similarity && similarity->peak == 0;
+  const bool scans = info.dtype == DType::f32 || (wants_peak && info.dtype != DType::u8);
+  const double largest = scans ? scan_source(device, raw, job).largest : 0;
+  const float scale = info.dtype == DType::f32 ? unit_scale(largest) : 1.0f;
+  if (wants_peak) similarity->peak = peak_of(info.dtype, largest);
   const StageTimer timer(job, "measure",
                          decoder.image_flops() * static_cast<double>(shape.images()),
                          static_cast<double>(info.bytes()));
@@ -22,15 +51,26 @@ ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw
   ErrorSums sums;
   stream.for_each([&](std::size_t first, std::size_t count, const Buffer& values) {
     decoder.decode(first, count, decoded);
-    sums.merge(ops::error_sums(device, tile_shape(info, count, job), values, decoded, scale));
+    const ops::TileShape tile = tile_shape(info, count, job);
+    sums.merge(ops::error_sums(device, tile, values, decoded, scale));
+    if (similarity) {
+      for (const double ssim :
+           ops::ssim(device, tile, shape.width, values, decoded, similarity->peak)) {
+        similarity->sums.add(ssim);
+      }
+    }
     job.advance("measure", first + count, shape.images());
   });
   return sums;
 }
 
-ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job) {
+ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job,
+                         SimilarityRequest* similarity) {
   const BtfInfo& info = raw.info();
   const BtfShape& shape = info.shape;
+  if (similarity && similarity->peak == 0) {
+    similarity->peak = peak_of(info.dtype, info.dtype == DType::u8 ? 1.0 : scan_largest(raw, job));
+  }
   const StageTimer timer(job, "measure (reference)", 0, static_cast<double>(info.bytes()));
   const std::size_t granule = image_granule(shape);
   std::vector<double> decoded(granule * shape.image_values());
@@ -43,14 +83,24 @@ ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job) {
     reference::read_tile(raw, first, count, job.nan_zero, std::span(values).first(size));
     sums.merge(reference::error_sums(std::span<const double>(values).first(size),
                                      std::span<const double>(decoded).first(size)));
+    if (similarity) add_similarities(shape, count, values, decoded, *similarity);
     job.advance("measure (reference)", first + count, shape.images());
   }
   return sums;
 }
 
+void add_similarities(const BtfShape& shape, std::size_t images, std::span<const double> raw,
+                      std::span<const double> decoded, SimilarityRequest& similarity) {
+  const std::size_t values = shape.image_values();
+  for (std::size_t image = 0; image < images; ++image) {
+    similarity.sums.add(ssim(shape.height, shape.width, shape.channels,
+                             raw.subspan(image * values, values),
+                             decoded.subspan(image * values, values), similarity.peak));
+  }
+}
+
 double psnr_peak(const BtfInfo& info, const ErrorSums& sums) {
-  if (info.dtype == DType::u8) return 1.0;
-  return sums.max_reference > 0 ? sums.max_reference : 1.0;
+  return peak_of(info.dtype, sums.max_reference);
 }
 
 }  // namespace weft

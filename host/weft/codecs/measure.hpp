@@ -3,15 +3,29 @@
 
 #include "weft/codecs/codec.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/metrics/ssim.hpp"
 
 namespace weft {
 
+// Structural similarity, where it is asked for besides the errors.
+struct SimilarityRequest {
+  double peak = 0;  // L; 0: psnr_peak of the data, for which float data is scanned first
+  SsimSums sums;    // the answer, over all images
+};
+
 // Decodes all images on the device and compares them with `raw`, of the same shape, in one
-// streaming pass; sums pooled over all values. Float inputs are scanned for their range first.
-ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw, Job& job);
+// streaming pass; sums pooled over all values. 32-bit inputs are scanned for their range first.
+ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw, Job& job,
+                         SimilarityRequest* similarity = nullptr);
 
 // The same by the reference.
-ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job);
+ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job,
+                         SimilarityRequest* similarity = nullptr);
+
+// Adds the similarities of `images` decoded images to the raw ones, both [images][P][C], by the
+// reference; `similarity.peak` is set.
+void add_similarities(const BtfShape& shape, std::size_t images, std::span<const double> raw,
+                      std::span<const double> decoded, SimilarityRequest& similarity);
 
 // The peak that PSNR refers to: 1 for 8-bit data, the largest magnitude for float data (1 where
 // that is zero).

@@ -58,10 +58,12 @@ ErrorReport report(const ErrorSums& sums, double peak) {
 }
 
 std::string to_json(const ErrorReport& report) {
+  const std::string ssim =
+      report.ssim ? fmt::format(R"(,"ssim":{})", json_number(*report.ssim)) : std::string();
   return fmt::format(
-      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}}})",
+      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}{}}})",
       json_number(report.rmse), json_number(report.psnr), json_number(report.peak),
-      json_number(report.snr), json_number(report.relative), json_number(report.max_error));
+      json_number(report.snr), json_number(report.relative), json_number(report.max_error), ssim);
 }
 
 }  // namespace weft

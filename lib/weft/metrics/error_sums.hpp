@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 
 namespace weft {
@@ -29,6 +30,7 @@ struct ErrorReport {
   double snr = 0;   // dB; infinite for an exact reconstruction, nan where T is all zero and T' not
   double relative = 0;  // 0 for an exact reconstruction, infinite where T is all zero and T' not
   double max_error = 0;
+  std::optional<double> ssim;  // weft/metrics/ssim.hpp, mean over images; where it was asked for
 };
 
 // `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero)
@@ -36,7 +38,8 @@ struct ErrorReport {
 ErrorReport report(const ErrorSums& sums, double peak);
 
 // A JSON object {"rmse":...,"psnr":...,"psnr_peak":...,"snr":...,"relative":...,"max_error":...};
-// infinities are written as the strings "inf" and "-inf", nan as "nan".
+// with "ssim" where there is one; infinities are written as the strings "inf" and "-inf", nan as
+// "nan".
 std::string to_json(const ErrorReport& report);
 
 }  // namespace weft

@@ -62,6 +62,7 @@ ErrorReport read_errors(std::string_view text, std::size_t count, const std::str
   report.snr = read_figure(object, "snr", where);
   report.relative = read_figure(object, "relative", where);
   report.max_error = read_figure(object, "max_error", where);
+  if (object.contains("ssim")) report.ssim = read_figure(object, "ssim", where);
   return report;
 }
 
