@@ -32,6 +32,8 @@ constexpr std::array units{
 };
 // Past this no machine has memory, and double arithmetic on sizes stays far from overflow.
 constexpr double largest_size = 4611686018427387904.0;  // 2^62
+// Longest side of an image that is asked for.
+constexpr std::size_t largest_side = 16384;
 
 }  // namespace
 
@@ -106,6 +108,22 @@ DType parse_dtype(std::string_view text, std::string_view option) {
   if (text == "f16") return DType::f16;
   if (text == "f32") return DType::f32;
   fail_input("{}: '{}' is not u8, f16 or f32", option, text);
+}
+
+ImageSize parse_image_size(std::string_view text, std::string_view option) {
+  const auto side = [text, option](std::string_view digits) {
+    std::size_t value = 0;
+    const char* const end = digits.data() + digits.size();
+    const auto [stop, status] = std::from_chars(digits.data(), end, value);
+    if (status != std::errc{} || stop != end || value < 1 || value > largest_side) {
+      fail_input("{}: '{}' is not N or WIDTHxHEIGHT with sides from 1 to {}", option, text,
+                 largest_side);
+    }
+    return value;
+  };
+  const std::size_t cross = text.find('x');
+  if (cross == std::string_view::npos) return {side(text), side(text)};
+  return {side(text.substr(0, cross)), side(text.substr(cross + 1))};
 }
 
 OutputKind output_kind(const std::filesystem::path& path) {

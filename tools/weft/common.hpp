@@ -44,6 +44,14 @@ std::size_t parse_size(std::string_view text, std::string_view option);
 // "u8", "f16" or "f32". Throws an input error that names `option` and the text.
 DType parse_dtype(std::string_view text, std::string_view option);
 
+struct ImageSize {
+  std::size_t width = 0;
+  std::size_t height = 0;
+};
+// "128" or "256x128", width first; sides from 1 to 16384. Throws an input error that names `option`
+// and the text.
+ImageSize parse_image_size(std::string_view text, std::string_view option);
+
 // What an output is, by its name.
 enum class OutputKind {
   folder,       // images: an existing folder, a name that ends in / or has no extension

@@ -3,7 +3,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
@@ -29,7 +28,6 @@
 namespace weft {
 namespace {
 
-constexpr std::size_t largest_side = 16384;
 // Runs of images larger than this gain nothing.
 constexpr std::size_t largest_tile = std::size_t{64} << 20;
 
@@ -46,28 +44,6 @@ struct SynthOptions {
   OutputOptions report;
 };
 
-struct ImageSize {
-  std::size_t width = 0;
-  std::size_t height = 0;
-};
-
-// "128" or "256x128", width first.
-ImageSize parse_image_size(std::string_view text) {
-  const auto side = [text](std::string_view digits) {
-    std::size_t value = 0;
-    const char* const end = digits.data() + digits.size();
-    const auto [stop, status] = std::from_chars(digits.data(), end, value);
-    if (status != std::errc{} || stop != end || value < 1 || value > largest_side) {
-      fail_input("--size: '{}' is not N or WIDTHxHEIGHT with sides from 1 to {}", text,
-                 largest_side);
-    }
-    return value;
-  };
-  const std::size_t cross = text.find('x');
-  if (cross == std::string_view::npos) return {side(text), side(text)};
-  return {side(text.substr(0, cross)), side(text.substr(cross + 1))};
-}
-
 // Whether the output is NAME.npy, or else NAME.safetensors.
 bool is_npy_output(const std::string& output) {
   const OutputKind kind = output_kind(output);
@@ -79,7 +55,7 @@ bool is_npy_output(const std::string& output) {
 
 void run_synth(const SynthOptions& options) {
   // Everything that can be wrong with the request is found before any work.
-  const ImageSize size = parse_image_size(options.size);
+  const ImageSize size = parse_image_size(options.size, "--size");
   const bool npy = is_npy_output(options.output);
   BtfInfo info;
   info.dtype = parse_dtype(options.dtype, "--dtype");

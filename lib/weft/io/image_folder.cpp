@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <utility>
 
 #include "weft/error.hpp"
@@ -25,21 +24,6 @@ constexpr std::size_t queued_per_thread = 4;
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-// The folder's name without a slash at its end.
-fs::path plain(const fs::path& folder) {
-  fs::path path = folder.lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  if (path.empty() || path == path.root_path() || path == "." || path == "..") {
-    fail_input("\"{}\": not the name of a folder to create", folder.string());
-  }
-  return path;
-}
-
-fs::path hidden_folder_beside(const fs::path& path) {
-  std::random_device random;
-  return path.parent_path() / fmt::format(".weft-{:08x}{:08x}.part", random(), random());
 }
 
 BtfInfo stored_info(const BtfInfo& data, const ImageFolderOptions& options,
@@ -72,26 +56,13 @@ ImageFormat image_format_from_name(std::string_view name, std::string_view optio
 
 ImageFolderSink::ImageFolderSink(const fs::path& folder, const BtfInfo& data,
                                  const ImageFolderOptions& options)
-    : folder_(plain(folder)), options_(options), info_(stored_info(data, options, folder_)) {
-  std::error_code error;
-  const fs::file_status status = fs::status(folder_, error);
-  if (fs::exists(status)) {
-    if (!fs::is_directory(status)) fail_input("{}: exists and is no folder", folder_.string());
-    if (!options_.replace && !fs::is_empty(folder_, error)) {
-      fail_input("{}: exists and is not empty", folder_.string());
-    }
-  }
-  do {  // another name if this one is taken
-    temporary_ = hidden_folder_beside(folder_);
-  } while (!fs::create_directory(temporary_, error) && !error);
-  if (error) {
-    const std::string message = error.message();
-    fail_input("{}: cannot create a folder there: {}", folder_.string(), message);
-  }
+    : options_(options),
+      info_(stored_info(data, options, folder)),
+      output_(folder, options.replace) {
   try {
     // One folder per view: the first of its images names it.
     for (std::size_t view = 0; view < info_.shape.views; ++view) {
-      fs::create_directory(temporary_ /
+      fs::create_directory(output_.temporary() /
                            fs::path(file_name(view * info_.shape.lights)).parent_path());
     }
     const std::size_t count = options_.threads != 0
@@ -100,17 +71,12 @@ ImageFolderSink::ImageFolderSink(const fs::path& folder, const BtfInfo& data,
     for (std::size_t i = 0; i < count; ++i) threads_.emplace_back([this] { work(); });
   } catch (const std::exception& failure) {
     stop_threads();
-    fs::remove_all(temporary_, error);
-    fail_runtime("{}: {}", folder_.string(), failure.what());
+    fail_runtime("{}: {}", output_.path().string(), failure.what());
   }
 }
 
 ImageFolderSink::~ImageFolderSink() {
   stop_threads();
-  if (!finished_) {
-    std::error_code ignored;
-    fs::remove_all(temporary_, ignored);
-  }
 }
 
 std::size_t ImageFolderSink::queue_bytes() const {
@@ -141,7 +107,7 @@ void ImageFolderSink::check_failure() {
 void ImageFolderSink::write(std::size_t first, std::size_t count,
                             std::span<const std::byte> values) {
   std::size_t image = next_image_;
-  check_next_images(info_, first, count, values.size(), next_image_, folder_.string());
+  check_next_images(info_, first, count, values.size(), next_image_, output_.path().string());
   const std::size_t bytes = info_.image_bytes();
   for (; image < next_image_; ++image) {
     check_interrupt();
@@ -200,7 +166,7 @@ void ImageFolderSink::work() {
 
 void ImageFolderSink::write_image(const Job& job) {
   const Clock::time_point start = Clock::now();
-  const fs::path path = temporary_ / file_name(job.image);
+  const fs::path path = output_.temporary() / file_name(job.image);
   const ImageInfo image{info_.shape.height, info_.shape.width, info_.shape.channels, info_.dtype};
   if (options_.format == ImageFormat::exr) {
     // Channels beyond grey and colour are numbered, so that they come back in order; the manifest
@@ -220,7 +186,7 @@ void ImageFolderSink::stop_threads() noexcept {
   {
     const std::lock_guard lock(mutex_);
     closed_ = true;
-    if (!finished_ && next_image_ < info_.shape.images()) queue_.clear();
+    if (next_image_ < info_.shape.images()) queue_.clear();
   }
   job_added_.notify_all();
   for (std::thread& thread : threads_) {
@@ -238,36 +204,21 @@ void ImageFolderSink::write_manifest() const {
     images.push_back({{"file", file_name(i)}, {"view", view}, {"light", light}});
   }
   root["images"] = std::move(images);
-  const std::string text = dump(root, folder_.string());
-  AtomicFile file(temporary_ / "manifest.json");
+  const std::string text = dump(root, output_.path().string());
+  AtomicFile file(output_.temporary() / "manifest.json");
   file.write(std::as_bytes(std::span(text)));
   file.commit();
 }
 
 void ImageFolderSink::finish() {
-  check_all_images(info_, next_image_, folder_.string());
+  check_all_images(info_, next_image_, output_.path().string());
   // Let the threads empty the queue and end.
   const Clock::time_point start = Clock::now();
   stop_threads();
   wait_seconds_ += seconds_since(start);
   check_failure();
   write_manifest();
-  // Take the name; what had it before goes only once the new folder is in place.
-  std::error_code error;
-  fs::path before;
-  if (options_.replace && fs::exists(folder_, error)) {
-    before = hidden_folder_beside(folder_);
-    fs::rename(folder_, before, error);
-    if (error) fail_runtime("{}: can't be replaced: {}", folder_.string(), error.message());
-  }
-  fs::rename(temporary_, folder_, error);
-  if (error) {
-    std::error_code ignored;
-    if (!before.empty()) fs::rename(before, folder_, ignored);
-    fail_runtime("{}: can't be put in place: {}", folder_.string(), error.message());
-  }
-  finished_ = true;
-  if (!before.empty()) fs::remove_all(before, error);
+  output_.commit();
 }
 
 }  // namespace weft

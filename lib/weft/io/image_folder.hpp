@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "weft/btf/tile.hpp"
+#include "weft/io/atomic_folder.hpp"
 #include "weft/io/image.hpp"
 
 namespace weft {
@@ -78,13 +79,11 @@ class ImageFolderSink final : public TileSink {
   void stop_threads() noexcept;
   void check_failure();
 
-  std::filesystem::path folder_;
-  std::filesystem::path temporary_;
   ImageFolderOptions options_;
   BtfInfo info_;
+  AtomicFolder output_;
   std::size_t next_image_ = 0;
   double wait_seconds_ = 0;
-  bool finished_ = false;
 
   mutable std::mutex mutex_;
   std::condition_variable job_added_;
