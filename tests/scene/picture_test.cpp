@@ -21,12 +21,28 @@
 namespace weft::test {
 namespace {
 
+// Of values [height][width][3], all covered.
+Picture picture_of(std::size_t width, std::size_t height, std::span<const float> rgb) {
+  Picture picture{width, height, {}};
+  for (std::size_t i = 0; i < rgb.size(); i += 3) {
+    picture.pixels.push_back({rgb[i], rgb[i + 1], rgb[i + 2], 1.0f});
+  }
+  return picture;
+}
+
+std::vector<float> rgb_of(const Picture& picture) {
+  std::vector<float> values;
+  for (const auto& pixel : picture.pixels) values.insert(values.end(), &pixel[0], &pixel[0] + 3);
+  return values;
+}
+
 Picture random_picture(std::size_t width, std::size_t height, std::uint64_t seed) {
-  return {width, height, random_floats(width * height * 3, seed)};
+  return picture_of(width, height, random_floats(width * height * 3, seed));
 }
 
 TEST(Picture, IsExposedInStopsAndEncodedAsSrgb) {
-  const Picture picture{2, 1, {0.0f, 0.001f, 0.05f, 0.25f, 0.6f, -1.0f}};
+  const Picture picture =
+      picture_of(2, 1, std::vector<float>{0.0f, 0.001f, 0.05f, 0.25f, 0.6f, -1.0f});
   const std::vector<double> shown = display_values(picture, {1.0, ToneCurve::linear});
   ASSERT_EQ(shown.size(), 6u);
   EXPECT_EQ(shown[0], 0.0);
@@ -39,7 +55,8 @@ TEST(Picture, IsExposedInStopsAndEncodedAsSrgb) {
 
 // L' = L (1 + L / 16) / (1 + L): 1 of 4, half of it below; hue is kept.
 TEST(Picture, ReinhardShowsTheWhitePointAsWhite) {
-  const Picture picture{3, 1, {4, 4, 4, 1, 1, 1, 0.5f, 0.25f, 0.125f}};
+  const Picture picture =
+      picture_of(3, 1, std::vector<float>{4, 4, 4, 1, 1, 1, 0.5f, 0.25f, 0.125f});
   const std::vector<double> shown = display_values(picture, {0.0, ToneCurve::reinhard});
   EXPECT_NEAR(shown[0], 1.0, 1e-12);
   EXPECT_NEAR(decode_to_linear(Encoding::srgb, shown[3]), (1 + 1 / 16.0) / 2, 1e-12);
@@ -53,8 +70,8 @@ TEST(Picture, WhatIsNoLightIsDefined) {
   constexpr float inf = std::numeric_limits<float>::infinity();
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (const ToneCurve curve : {ToneCurve::linear, ToneCurve::reinhard}) {
-    const std::vector<double> shown =
-        display_values({3, 1, {nan, nan, nan, inf, inf, inf, 0, 0, 0}}, {0.0, curve});
+    const std::vector<double> shown = display_values(
+        picture_of(3, 1, std::vector<float>{nan, nan, nan, inf, inf, inf, 0, 0, 0}), {0.0, curve});
     EXPECT_EQ(shown[0], 0.0);
     EXPECT_EQ(shown[3], 1.0);
     EXPECT_EQ(shown[6], 0.0);
@@ -71,11 +88,11 @@ TEST(Picture, WithItselfIsExact) {
 }
 
 TEST(Picture, ErrorsAreThoseOfTheDisplayAndOfLight) {
-  Picture original{11, 11, std::vector<float>(11 * 11 * 3, 0.5f)};
-  original.rgb[7] = 2.0f;
+  Picture original = picture_of(11, 11, std::vector<float>(11 * 11 * 3, 0.5f));
+  original.pixels[2][1] = 2.0f;
   Picture picture = original;
-  picture.rgb[7] = 1.5f;  // both are shown as white
-  picture.rgb[8] = 0.25f;
+  picture.pixels[2][1] = 1.5f;  // both are shown as white
+  picture.pixels[2][2] = 0.25f;
   const PictureComparison found = compare_pictures(picture, original, {});
   const double step =
       encode_from_linear(Encoding::srgb, 0.5) - encode_from_linear(Encoding::srgb, 0.25);
@@ -105,11 +122,11 @@ TEST(PictureFile, HoldsLightAsExrAndTheDisplayAsPng) {
   const Picture picture = random_picture(7, 5, 2);
   const std::filesystem::path exr = folder / "a.exr", png = folder / "a.png";
   write_picture(exr, picture, {3.0, ToneCurve::reinhard});
-  std::vector<float> light(picture.rgb.size());
+  std::vector<float> light(5 * 7 * 3);
   read_image(exr, {5, 7, 3, DType::f32}, std::as_writable_bytes(std::span(light)));
-  EXPECT_TRUE(all_equal(light, picture.rgb));
+  EXPECT_TRUE(all_equal(light, rgb_of(picture)));
   write_picture(png, picture, {-1.0, ToneCurve::linear});
-  std::vector<unsigned char> bytes(picture.rgb.size());
+  std::vector<unsigned char> bytes(5 * 7 * 3);
   read_image(png, {5, 7, 3, DType::u8}, std::as_writable_bytes(std::span(bytes)));
   const std::vector<double> shown = display_values(picture, {-1.0, ToneCurve::linear});
   for (std::size_t i = 0; i < bytes.size(); ++i) EXPECT_EQ(bytes[i], nearest_byte(shown[i]));

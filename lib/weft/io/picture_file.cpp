@@ -30,8 +30,13 @@ void write_picture(const std::filesystem::path& path, const Picture& picture,
     write_display_values(path, picture.width, picture.height, display_values(picture, tone));
     return;
   }
+  std::vector<float> light;
+  light.reserve(picture.pixels.size() * 3);
+  for (const std::array<float, 4>& pixel : picture.pixels) {
+    light.insert(light.end(), pixel.begin(), pixel.begin() + 3);
+  }
   const ImageInfo info{picture.height, picture.width, 3, DType::f32};
-  write_whole(path, formats::encode_exr(path.string(), info, std::as_bytes(std::span(picture.rgb)),
+  write_whole(path, formats::encode_exr(path.string(), info, std::as_bytes(std::span(light)),
                                         ExrCompression::zip, {}));
 }
 

@@ -26,6 +26,16 @@ double display_value(double light) {
   return std::isnan(shown) ? 0.0 : std::clamp(shown, 0.0, 1.0);
 }
 
+// [height][width][3]
+std::vector<double> light_values(const Picture& picture) {
+  std::vector<double> values;
+  values.reserve(picture.pixels.size() * 3);
+  for (const std::array<float, 4>& pixel : picture.pixels) {
+    values.insert(values.end(), pixel.begin(), pixel.begin() + 3);
+  }
+  return values;
+}
+
 void check_sizes(const Picture& picture, const Picture& original) {
   if (picture.width != original.width || picture.height != original.height) {
     fail_input("pictures of {} x {} and {} x {} pixels can't be compared", picture.width,
@@ -43,16 +53,15 @@ ToneCurve tone_curve_from_name(std::string_view name, std::string_view option) {
 
 std::vector<double> display_values(const Picture& picture, const ToneMapping& tone) {
   const double factor = std::exp2(tone.exposure);
-  std::vector<double> values(picture.rgb.size());
-  for (std::size_t i = 0; i < values.size(); i += 3) {
+  std::vector<double> values;
+  values.reserve(picture.pixels.size() * 3);
+  for (const std::array<float, 4>& pixel : picture.pixels) {
     double light[3];
-    for (std::size_t c = 0; c < 3; ++c) {
-      light[c] = factor * static_cast<double>(picture.rgb[i + c]);
-    }
+    for (std::size_t c = 0; c < 3; ++c) light[c] = factor * static_cast<double>(pixel[c]);
     // Rec. 709 primaries
     const double luminance = 0.2126 * light[0] + 0.7152 * light[1] + 0.0722 * light[2];
     const double curve = curve_factor(tone.curve, luminance);
-    for (std::size_t c = 0; c < 3; ++c) values[i + c] = display_value(curve * light[c]);
+    for (const double channel : light) values.push_back(display_value(curve * channel));
   }
   return values;
 }
@@ -65,9 +74,7 @@ PictureComparison compare_pictures(const Picture& picture, const Picture& origin
   const std::vector<double> wanted = display_values(original, tone);
   result.display = report(reference::error_sums(wanted, shown), 1.0);
   result.display.ssim = ssim(picture.height, picture.width, 3, wanted, shown, 1.0);
-  const ErrorSums linear =
-      reference::error_sums(std::vector<double>(original.rgb.begin(), original.rgb.end()),
-                            std::vector<double>(picture.rgb.begin(), picture.rgb.end()));
+  const ErrorSums linear = reference::error_sums(light_values(original), light_values(picture));
   result.linear = report(linear, linear.max_reference > 0 ? linear.max_reference : 1.0);
   return result;
 }

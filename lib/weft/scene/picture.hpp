@@ -13,6 +13,7 @@
 //              tones darken
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <string_view>
 #include <vector>
@@ -21,10 +22,12 @@
 
 namespace weft {
 
+// Linear rgb over the background, and the share of the pixel that shows material; row by row from
+// the top.
 struct Picture {
   std::size_t width = 0;
   std::size_t height = 0;
-  std::vector<float> rgb;  // [height][width][3], linear light, row 0 on top
+  std::vector<std::array<float, 4>> pixels;
 };
 
 enum class ToneCurve { linear, reinhard };
