@@ -68,6 +68,25 @@ function(weft_embed_tuning target)
   target_sources(${target} PRIVATE ${output})
 endfunction()
 
+# Embeds presets of materials: weft_embed_presets(TARGET FOLDER NAME ...): FOLDER/NAME.json each become
+# an entry of material_presets(), and are installed as they are.
+function(weft_embed_presets target folder)
+  list(TRANSFORM ARGN PREPEND ${folder}/ OUTPUT_VARIABLE files)
+  list(TRANSFORM files APPEND .json)
+  list(JOIN ARGN "," names)
+  set(output ${CMAKE_CURRENT_BINARY_DIR}/presets.cpp)
+  add_custom_command(
+    OUTPUT ${output}
+    COMMAND ${CMAKE_COMMAND} -DFOLDER=${folder} -DNAMES=${names} -DOUTPUT=${output}
+            -P ${PROJECT_SOURCE_DIR}/cmake/EmbedPresets.cmake
+    DEPENDS ${files} ${PROJECT_SOURCE_DIR}/cmake/EmbedPresets.cmake
+            ${PROJECT_SOURCE_DIR}/cmake/TextBytes.cmake
+    COMMENT "Embedding presets of materials"
+    VERBATIM)
+  target_sources(${target} PRIVATE ${output})
+  install(FILES ${files} DESTINATION ${CMAKE_INSTALL_DATADIR}/weft/materials)
+endfunction()
+
 # A test program: weft_add_test(NAME SOURCES a.cpp ... [LABELS l ...] [TIMEOUT seconds]).
 # One ctest entry per program, because a process start on an OpenCL device is not free.
 function(weft_add_test name)

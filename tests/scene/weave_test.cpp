@@ -154,8 +154,8 @@ TEST(WeaveCloth, RefusesWhatMakesNoCloth) {
     std::string field;
   };
   const std::vector<Case> cases = {
-      {[](WeaveCloth& c) { c.pattern.over = 0; }, "pattern 0/2"},
-      {[](WeaveCloth& c) { c.pattern.under = 1000; }, "pattern 2/1000"},
+      {[](WeaveCloth& c) { c.pattern.over = 0; }, "pattern.over is 0"},
+      {[](WeaveCloth& c) { c.pattern.under = 1000; }, "pattern.under is 1000"},
       {[](WeaveCloth& c) { c.pattern.step = 4; }, "pattern.step is 4"},
       {[](WeaveCloth& c) { c.warp_count = 0; }, "warp_count is 0"},
       {[](WeaveCloth& c) { c.weft_count = 15; }, "weft_count is 15"},

@@ -23,7 +23,7 @@
 #include "weft/io/raw_btf.hpp"
 #include "weft/reference/render_surface.hpp"
 #include "weft/render/render_surface.hpp"
-#include "weft/scene/weave.hpp"
+#include "weft/scene/material.hpp"
 
 namespace weft {
 namespace {
@@ -39,6 +39,9 @@ struct SynthOptions {
   std::size_t samples = 4;
   std::string dtype = "f16";
   std::uint64_t seed = 0;
+  std::optional<std::uint64_t> material_seed;
+  bool list = false;
+  std::string print, fields;
   std::string output;
   DeviceOptions device;
   OutputOptions report;
@@ -53,10 +56,33 @@ bool is_npy_output(const std::string& output) {
   return kind == OutputKind::npy;
 }
 
+void list_materials() {
+  for (const MaterialPreset& preset : material_presets()) {
+    fmt::print("{:12} {}\n", preset.name, find_material(preset.name, "--list").summary);
+  }
+}
+
+// A table as in docs/materials.md.
+void list_fields(const std::string& kind) {
+  fmt::print("| field | accepts | default | meaning |\n|---|---|---|---|\n");
+  for (const FieldRow& row : material_fields(kind, "--fields")) {
+    fmt::print("| `{}` | {} | {} | {} |\n", row.path, row.accepts, row.standard, row.meaning);
+  }
+}
+
 void run_synth(const SynthOptions& options) {
+  if (options.list) return list_materials();
+  if (!options.print.empty()) {
+    fmt::print("{}", find_preset(options.print, "--print").text);
+    return;
+  }
+  if (!options.fields.empty()) return list_fields(options.fields);
+  if (options.output.empty()) fail_input("--output is required");
   // Everything that can be wrong with the request is found before any work.
   const ImageSize size = parse_image_size(options.size, "--size");
   const bool npy = is_npy_output(options.output);
+  Material material = find_material(options.material, "--material");
+  if (options.material_seed) material.set_seed(*options.material_seed);
   BtfInfo info;
   info.dtype = parse_dtype(options.dtype, "--dtype");
   info.encoding = info.dtype == DType::u8 ? Encoding::srgb : Encoding::linear;
@@ -66,8 +92,8 @@ void run_synth(const SynthOptions& options) {
   info.shape = {info.view_directions.size(), info.light_directions.size(), size.height, size.width,
                 3};
   info.channel_names = {"R", "G", "B"};
-  info.source = fmt::format("weft synth --material {} --samples {} --seed {}", options.material,
-                            options.samples, options.seed);
+  info.source = fmt::format("weft synth --material {} --material-seed {} --samples {} --seed {}",
+                            material.name, material.seed(), options.samples, options.seed);
   SurfaceRenderOptions render;
   render.samples = options.samples;
   render.seed = options.seed;
@@ -79,9 +105,7 @@ void run_synth(const SynthOptions& options) {
       npy ? create_npy_btf(options.output, info) : create_raw_btf(options.output, info);
 
   const auto start = std::chrono::steady_clock::now();
-  const std::size_t resolution = surface_resolution(std::max(size.width, size.height));
-  const Surface surface =
-      make_surface(standard_cloth(size.width, size.height), resolution, resolution);
+  const Surface surface = make_surface(material, size.width, size.height);
   Progress progress(options.report, "synth", info.shape.images());
   render.progress = [&progress](std::size_t done) { progress.update(done); };
   if (device) {
@@ -96,6 +120,7 @@ void run_synth(const SynthOptions& options) {
   Report report;
   report.add("output", options.output);
   report.add("material", options.material);
+  report.add("material_seed", material.seed());
   add_btf_fields(report, info);
   report.add("samples", options.samples, "per texel");
   report.add("seed", options.seed);
@@ -117,9 +142,12 @@ void add_synth(CLI::App& program, Action& action) {
   CLI::App* command = program.add_subcommand("synth", "Render a simulated material into a raw BTF");
   command
       ->add_option("--material", options->material,
-                   "weave: a twill of lustrous blue and matt ivory yarns")
-      ->check(CLI::IsMember({"weave"}))
-      ->type_name("NAME");
+                   "A preset of --list, or a file NAME.json in the form of --print")
+      ->type_name("NAME|FILE.json");
+  command
+      ->add_option("--material-seed", options->material_seed,
+                   "Seed of the material's irregularities, instead of its file's")
+      ->type_name("NUMBER");
   command->add_option("--size", options->size, "Texels of an image; the tile repeats seamlessly")
       ->type_name("N|WIDTHxHEIGHT");
   command
@@ -140,8 +168,17 @@ void add_synth(CLI::App& program, Action& action) {
   command
       ->add_option("-o,--output", options->output,
                    "Raw BTF to write: NAME.safetensors, or NAME.npy with directions in NAME.json")
-      ->required()
       ->type_name("FILE");
+  command->add_flag("--list", options->list, "List the materials, instead")->group("Materials");
+  command
+      ->add_option("--print", options->print, "Print a preset as JSON, to copy and edit, instead")
+      ->group("Materials")
+      ->type_name("NAME");
+  command
+      ->add_option("--fields", options->fields,
+                   "Print what a kind of material may set, with ranges and defaults, instead")
+      ->group("Materials")
+      ->type_name("KIND");
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(
@@ -154,7 +191,10 @@ void add_synth(CLI::App& program, Action& action) {
       "  weft synth --size 256x128 --view-set ubo151 --light-set ubo151 --dtype u8 -o "
       "c.safetensors\n"
       "  weft synth --size 64 --view-set 1 --light-set 100 --samples 64 --dtype f32 -o "
-      "relight.npy");
+      "relight.npy\n"
+      "  weft synth --list\n"
+      "  weft synth --print leather > mine.json && weft synth --material mine.json -o "
+      "m.safetensors");
   command->callback([options, &action] { action = [options] { run_synth(*options); }; });
 }
 

@@ -9,6 +9,7 @@
 
 #include "weft/error.hpp"
 #include "weft/scene/noise.hpp"
+#include "weft/scene/tile_noise.hpp"
 
 namespace weft {
 namespace {
@@ -141,14 +142,6 @@ class YarnPath {
   double phase_ = 0, shade_ = 1, size_ = 1;
 };
 
-std::array<float, 3> shaded(const std::array<float, 3>& color, double shade) {
-  std::array<float, 3> result;
-  for (std::size_t i = 0; i < 3; ++i) {
-    result[i] = static_cast<float>(std::clamp(color[i] * shade, 0.0, 1.0));
-  }
-  return result;
-}
-
 // Yarns whose place is within half a spacing of a coordinate: the one there and its nearer
 // neighbour.
 std::array<std::size_t, 2> nearest_yarns(double x, std::size_t count) {
@@ -164,27 +157,18 @@ double offset_from(double x, std::size_t index, std::size_t count) {
   return offset - length * std::round(offset / length);
 }
 
-void check_number(double value, double low, double high, const std::string& field) {
-  if (!(value >= low && value <= high)) {
-    fail_input("weave: {} is {}, outside [{}, {}]", field, value, low, high);
-  }
-}
-
-void check_color(const std::array<float, 3>& color, const std::string& field) {
-  for (const float value : color) check_number(value, 0, 1, field);
-}
-
-void check_yarn(const Yarn& yarn, const std::string& set) {
-  check_color(yarn.color, set + ".color");
-  check_number(yarn.width, 0.05, 1.9, set + ".width");
-  check_number(yarn.thickness, 0, 4, set + ".thickness");
-  check_number(yarn.crimp, 0, 4, set + ".crimp");
-  check_number(yarn.float_arch, 0, 4, set + ".float_arch");
-  check_number(yarn.pinch, 0, 0.9, set + ".pinch");
-  check_number(static_cast<double>(yarn.plies), 1, 64, set + ".plies");
-  check_number(yarn.twists, -64, 64, set + ".twists");
-  check_number(yarn.ply_relief, 0, 1, set + ".ply_relief");
-  check_number(yarn.fibre_relief, 0, 1, set + ".fibre_relief");
+void describe(Fields& fields, Yarn& yarn) {
+  fields.color("color", yarn.color, "diffuse albedo");
+  describe_gloss(fields, yarn.gloss);
+  fields.number("width", yarn.width, 0.05, 1.9, "width of the section, in spacings");
+  fields.number("thickness", yarn.thickness, 0, 4, "thickness of the section");
+  fields.number("crimp", yarn.crimp, 0, 4, "rise and fall of the centre line");
+  fields.number("float_arch", yarn.float_arch, 0, 4, "bulge of a float, besides the crimp");
+  fields.number("pinch", yarn.pinch, 0, 0.9, "relative loss of width under crossing yarns");
+  fields.count("plies", yarn.plies, 1, 64, "strands that are twisted");
+  fields.number("twists", yarn.twists, -64, 64, "plies that pass per spacing of length");
+  fields.number("ply_relief", yarn.ply_relief, 0, 1, "depth of the grooves between plies");
+  fields.number("fibre_relief", yarn.fibre_relief, 0, 1, "height of single fibres");
 }
 
 void check_count(std::size_t count, const WeavePattern& pattern, const char* field) {
@@ -202,19 +186,40 @@ std::size_t nearest_multiple(double count, std::size_t period) {
 
 }  // namespace
 
+void describe(Fields& fields, WeaveCloth& cloth) {
+  fields.seed(cloth.seed);
+  fields.count("warp_count", cloth.warp_count, 1, most_yarns,
+               "warp yarns of the tile, a multiple of the pattern's period");
+  fields.count("weft_count", cloth.weft_count, 1, most_yarns, "weft yarns of the tile, likewise");
+  fields.open("pattern", "how the yarns interlace");
+  WeavePattern& pattern = cloth.pattern;
+  fields.count("over", pattern.over, 1, most_crossings_of_a_period,
+               "crossings a warp yarn is on top");
+  fields.count("under", pattern.under, 1, most_crossings_of_a_period, "and those it is beneath");
+  fields.count("step", pattern.step, 0, 2 * most_crossings_of_a_period - 1,
+               "shift from a warp yarn to the next, below over + under");
+  fields.close();
+  fields.open("warp", "yarns along y");
+  describe(fields, cloth.warp);
+  fields.close();
+  fields.open("weft", "yarns along x");
+  describe(fields, cloth.weft);
+  fields.close();
+  fields.color("backing", cloth.backing, "diffuse albedo of what shows through gaps");
+  fields.number("wander", cloth.wander, 0, 0.25, "sideways wander of the yarns");
+  fields.number("color_spread", cloth.color_spread, 0, 0.5, "relative, from yarn to yarn");
+}
+
+void stretch(WeaveCloth& cloth, double along_x, double along_y) {
+  const std::size_t period = cloth.pattern.period();
+  cloth.warp_count = nearest_multiple(static_cast<double>(cloth.warp_count) * along_x, period);
+  cloth.weft_count = nearest_multiple(static_cast<double>(cloth.weft_count) * along_y, period);
+}
+
 WeaveCloth standard_cloth(std::size_t width, std::size_t height) {
   WeaveCloth cloth;
-  cloth.warp.color = {0.035f, 0.085f, 0.26f};
-  cloth.warp.gloss = {{0.055f, 0.06f, 0.075f}, 1.0f, 0.22f, 0.42f};
-  cloth.weft.color = {0.62f, 0.53f, 0.38f};
-  cloth.weft.gloss = {{0.035f, 0.035f, 0.035f}, 0.7f, 0.42f, 0.6f};
-  cloth.weft.twists = -0.5;
-  const double shorter = static_cast<double>(std::min(width, height));
-  const double yarns_per_texel = 16.0 / shorter;
-  cloth.warp_count =
-      nearest_multiple(yarns_per_texel * static_cast<double>(width), cloth.pattern.period());
-  cloth.weft_count =
-      nearest_multiple(yarns_per_texel * static_cast<double>(height), cloth.pattern.period());
+  const double aspect = static_cast<double>(width) / static_cast<double>(height);
+  stretch(cloth, std::max(1.0, aspect), std::max(1.0, 1 / aspect));
   return cloth;
 }
 
@@ -224,22 +229,13 @@ std::size_t surface_resolution(std::size_t texels) {
 
 void validate(const WeaveCloth& cloth) {
   const WeavePattern& pattern = cloth.pattern;
-  if (pattern.over < 1 || pattern.under < 1 || pattern.over > most_crossings_of_a_period ||
-      pattern.under > most_crossings_of_a_period) {
-    fail_input("weave: pattern {}/{} is not over and under 1 to {} crossings", pattern.over,
-               pattern.under, most_crossings_of_a_period);
-  }
+  check_fields("weave", cloth);
   if (pattern.step >= pattern.period()) {
     fail_input("weave: pattern.step is {}, not below the period {}", pattern.step,
                pattern.period());
   }
-  check_yarn(cloth.warp, "warp");
-  check_yarn(cloth.weft, "weft");
-  check_color(cloth.backing, "backing");
   check_count(cloth.warp_count, pattern, "warp_count");
   check_count(cloth.weft_count, pattern, "weft_count");
-  check_number(cloth.wander, 0, 0.25, "wander");
-  check_number(cloth.color_spread, 0, 0.5, "color_spread");
 }
 
 Surface make_surface(const WeaveCloth& cloth, std::size_t columns, std::size_t rows) {

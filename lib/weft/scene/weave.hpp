@@ -19,6 +19,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "weft/scene/fields.hpp"
 #include "weft/scene/surface.hpp"
 
 namespace weft {
@@ -51,9 +52,14 @@ struct Yarn {
   double fibre_relief = 0.014;  // height of single fibres
 };
 
+// By default a 2/2 twill of lustrous blue warp and matt ivory weft.
 struct WeaveCloth {
   WeavePattern pattern;
-  Yarn warp, weft;
+  Yarn warp{.color = {0.035f, 0.085f, 0.26f},
+            .gloss = {{0.055f, 0.06f, 0.075f}, 1.0f, 0.22f, 0.42f}};
+  Yarn weft{.color = {0.62f, 0.53f, 0.38f},
+            .gloss = {{0.035f, 0.035f, 0.035f}, 0.7f, 0.42f, 0.6f},
+            .twists = -0.5};
   std::array<float, 3> backing{0.02f, 0.02f, 0.02f};  // albedo of what shows through gaps
   // Yarns of one tile; multiples of the pattern's period.
   std::size_t warp_count = 16;
@@ -63,9 +69,12 @@ struct WeaveCloth {
   std::uint64_t seed = 1;     // of the irregularities
 };
 
-// The cloth of `weft synth`: a 2/2 twill of lustrous blue warp and matt ivory weft. The tile has
-// about 16 yarns along its shorter side, and the aspect ratio of width : height as nearly as whole
-// periods of the pattern allow.
+void describe(Fields& fields, WeaveCloth& cloth);
+
+// Makes the tile longer by about these factors, as nearly as whole periods of the pattern allow.
+void stretch(WeaveCloth& cloth, double along_x, double along_y);
+
+// The default cloth, whose tile has 16 yarns along its shorter side, for images of width x height.
 WeaveCloth standard_cloth(std::size_t width, std::size_t height);
 
 // Samples of a surface along a side that `texels` texels share: a power of two, at least 8 per
