@@ -6,18 +6,15 @@
 // vectors of partial sums, X(i, k + lane) X(j, k + lane), whose lanes are added up at the end.
 //
 //   X(i, k) = X[x_offset + i x_row + k]
-//   copy:    [slice][m][DEPTH]       a block of columns, since rows that lie powers of two apart share
-//                                    few places of a cache
-//   partial: [slice][m][c_row]       sums of a slice of K, added up by add_slices of syrk.cl
+//   copy:    [slice][m][depth]    a block of columns, since rows that lie powers of two apart share
+//                                 few places of a cache; depth is a multiple of VW
+//   partial: [slice][m][c_row]    sums of a slice of K, added up by add_slices of syrk.cl
 //
 // Work-item: a slice of K. TILE is 5 where there are 32 vector registers, else 3.
 //
-// DEPTH  columns of a block, a multiple of VW: the m copied rows stay in the second cache
+// MR  8 where there are 32 vector registers, else 4
 #include "vector_width.cl"
 
-#ifndef DEPTH
-#define DEPTH 1024
-#endif
 #ifndef MR
 #define MR 4
 #endif
@@ -34,23 +31,23 @@
 
 inline real sum_lanes(realv x) {
 #if VW == 16
-  const real8 half = x.lo + x.hi;
+  const real8 eight = x.lo + x.hi;
 #elif VW == 8
-  const real8 half = x;
+  const real8 eight = x;
 #endif
 #if VW == 4
-  const real4 quarter = x;
+  const real4 four = x;
 #else
-  const real4 quarter = half.lo + half.hi;
+  const real4 four = eight.lo + eight.hi;
 #endif
-  const real2 pair = quarter.lo + quarter.hi;
-  return pair.x + pair.y;
+  const real2 two = four.lo + four.hi;
+  return two.x + two.y;
 }
 
 #define DECLARE(i, j) realv s##i##j = 0;
 #define DECLARE_ROW(i) FOR_ROW(DECLARE, i)
-#define A_POINTER(i) __global const real* a##i = block + min(i_begin + i, m - 1) * DEPTH;
-#define B_POINTER(j) __global const real* b##j = block + min(j_begin + j, m - 1) * DEPTH;
+#define A_POINTER(i) __global const real* a##i = block + min(i_begin + i, m - 1) * depth;
+#define B_POINTER(j) __global const real* b##j = block + min(j_begin + j, m - 1) * depth;
 #define LOAD_B(j) const realv y##j = loadv(b##j + k);
 #define ADD(i, j) s##i##j = fma(x, y##j, s##i##j);
 #define ADD_ROW(i)                  \
@@ -67,20 +64,20 @@ inline real sum_lanes(realv x) {
 #define STORE_ROW(i) FOR_ROW(STORE, i)
 
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void syrk_rows(ulong m, ulong K, ulong slice_depth, __global const real* restrict X,
+__kernel void syrk_rows(ulong m, ulong K, ulong slice_depth, ulong depth, __global const real* restrict X,
                         ulong x_offset, ulong x_row, __global real* restrict copy,
                         __global real* restrict partial, ulong c_row) {
   const ulong slice = get_global_id(0);
-  __global real* block = copy + slice * m * DEPTH;
+  __global real* block = copy + slice * m * depth;
   __global real* out = partial + slice * m * c_row;
   const ulong slice_begin = slice * slice_depth;
   const ulong slice_end = min(slice_begin + slice_depth, K);
-  for (ulong k_begin = slice_begin; k_begin < slice_end; k_begin += DEPTH) {
-    const uint count = (uint)min((ulong)DEPTH, slice_end - k_begin);
+  for (ulong k_begin = slice_begin; k_begin < slice_end; k_begin += depth) {
+    const uint count = (uint)min((ulong)depth, slice_end - k_begin);
     const uint whole = count / VW * VW;
     for (ulong i = 0; i < m; ++i) {
       __global const real* x = X + x_offset + i * x_row + k_begin;
-      __global real* row = block + i * DEPTH;
+      __global real* row = block + i * depth;
       for (uint k = 0; k < whole; k += VW) storev(loadv(x + k), row + k);
       if (whole < count) {
         for (uint k = whole; k < whole + VW; ++k) row[k] = k < count ? x[k] : 0;

@@ -24,6 +24,7 @@ extern const KernelSource scan_tile;
 extern const KernelSource ssim;
 extern const KernelSource sum_squares;
 extern const KernelSource syrk;
+extern const KernelSource syrk_rows;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;
 }  // namespace kernel_sources

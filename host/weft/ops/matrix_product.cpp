@@ -8,6 +8,7 @@
 #include "weft/ops/gemm_tiled.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/ops/syrk.hpp"
+#include "weft/ops/syrk_rows.hpp"
 
 namespace weft::ops {
 namespace {
@@ -71,6 +72,11 @@ std::size_t rows_at_once(const Device& device, std::size_t n, std::size_t K,
   const std::size_t row_bytes = packed_elements(device, 1, n, arithmetic) * size_of(arithmetic);
   const std::size_t granule = 3840;  // whole blocks
   return std::min(K, std::max<std::size_t>(1, most_packed_bytes / row_bytes / granule) * granule);
+}
+
+// Whether X X^T of n rows of K neighbours each is a sum over few long rows.
+bool has_long_rows(std::size_t n, std::size_t K, bool transposed) {
+  return !transposed && n <= most_long_rows && K >= 16 * n;
 }
 
 // C = alpha X^T X + beta C, X packed part by part.
@@ -139,6 +145,15 @@ void syrk(Device& device, Triangle triangle, Transpose a, std::size_t n, std::si
     gemm_tiled(device, {n, n, K, transposed, !transposed, part}, alpha, A, A, beta, C, options);
     return;
   }
+  if (has_long_rows(n, K, transposed)) {
+    for (std::size_t b = 0; b < options.batch; ++b) {
+      Result c = result;
+      c.offset += b * C.stride;
+      syrk_rows(device, n, K, alpha, {&A.buffer, A.offset + b * A.stride, A.leading}, beta, c,
+                triangle == Triangle::lower ? Written::lower : Written::upper, options.arithmetic);
+    }
+    return;
+  }
   syrk_panels(device, triangle, n, K, alpha, operand(device, A, !transposed, options.arithmetic),
               beta, result, options);
 }
@@ -147,15 +162,19 @@ std::size_t product_bytes(const Device& device, std::size_t N, std::size_t K,
                           const ProductOptions& options) {
   if (N == 0 || K == 0 || options.batch == 0 || in_tiles(device, options.family)) return 0;
   const std::size_t rows = rows_at_once(device, N, K, options.arithmetic);
-  const std::size_t syrk =
+  std::size_t syrk =
       packed_elements(device, rows, N, options.arithmetic) * size_of(options.arithmetic) +
       syrk_bytes(device, N, rows, options.arithmetic);
+  if (has_long_rows(N, K, false)) {
+    syrk = std::max(syrk, syrk_rows_bytes(N, K, options.arithmetic));
+  }
   return std::max(syrk, gemm_bytes(device, N, K, options.arithmetic, options.batch));
 }
 
 std::size_t product_terms(const Device& device, std::size_t K, const ProductOptions& options) {
   if (in_tiles(device, options.family)) return gemm_tiled_terms(K);
-  // gemm: blocks of its own depth; syrk: parts of at least 3840 rows, each of blocks in slices
+  // gemm: blocks of its own depth; syrk: parts of at least 3840 rows, each of blocks in slices, or
+  // fewer (syrk_rows)
   const std::size_t parts = ceil_div(K, 3840);
   const std::size_t in_part = 480 + 2 * ceil_div(3840, 240) + 35;
   return std::max(gemm_terms(device, K), std::min(K, in_part) + 2 * parts + 3);

@@ -41,7 +41,30 @@ Slices cut(const Device& device, std::size_t m, std::size_t K, Arithmetic arithm
   slices.count = ceil_div(K, slices.depth);
   return slices;
 }
+
+cl_kernel kernel_of(Device& device, const char* name, Written triangle, Arithmetic arithmetic) {
+  const std::size_t width = panel_width(device, arithmetic);
+  return device.kernel(
+      kernel_sources::syrk,
+      fmt::format("{} -DMC={} -DTC={} -DKC={} -DTRIANGLE={}", vector_option(device, arithmetic),
+                  macro_rows, macro_panels * width, block_panels * width,
+                  1 + static_cast<int>(triangle)),
+      name);
+}
 }  // namespace
+
+void add_slices(Device& device, std::size_t m, std::size_t slices, const Buffer& partial,
+                std::size_t row, double alpha, double beta, const Result& C, Written written,
+                Arithmetic arithmetic) {
+  const cl_kernel kernel = kernel_of(device, "add_slices", written, arithmetic);
+  with_real(arithmetic, [&](auto zero) {
+    using Real = decltype(zero);
+    set_arguments(kernel, ulong(m), ulong(slices), ulong(row), ulong(m * row),
+                  static_cast<Real>(alpha), partial, static_cast<Real>(beta), *C.buffer,
+                  ulong(C.offset), ulong(C.row));
+  });
+  launch_items(device, kernel, m);
+}
 
 std::size_t syrk_bytes(const Device& device, std::size_t m, std::size_t K, Arithmetic arithmetic) {
   if (m == 0 || K == 0) return 0;
@@ -73,18 +96,10 @@ void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, con
   const Slices slices = cut(device, m, K, arithmetic);
   const std::size_t column_tiles = ceil_div(m, macro_panels * width);
   const std::size_t row_tiles = ceil_div(m, macro_rows);
-  const auto kernel_of = [&](const char* name, Written triangle) {
-    return device.kernel(
-        kernel_sources::syrk,
-        fmt::format("{} -DMC={} -DTC={} -DKC={} -DTRIANGLE={}", vector_option(device, arithmetic),
-                    macro_rows, macro_panels * width, block_panels * width,
-                    1 + static_cast<int>(triangle)),
-        name);
-  };
   with_real(arithmetic, [&](auto zero) {
     using Real = decltype(zero);
     if (slices.count == 1) {
-      const cl_kernel kernel = kernel_of("syrk_packed", written);
+      const cl_kernel kernel = kernel_of(device, "syrk_packed", written, arithmetic);
       set_arguments(kernel, ulong(m), ulong(K), ulong(slices.depth), static_cast<Real>(alpha),
                     packed, static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row),
                     ulong(0));
@@ -94,15 +109,11 @@ void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, con
     const std::size_t row = round_up(m, width);
     Buffer partial(device, slices.count * m * row * size_of(arithmetic),
                    "partial sums of a product");
-    const cl_kernel kernel = kernel_of("syrk_packed", Written::blocks);
+    const cl_kernel kernel = kernel_of(device, "syrk_packed", Written::blocks, arithmetic);
     set_arguments(kernel, ulong(m), ulong(K), ulong(slices.depth), Real{1}, packed, Real{0},
                   partial, ulong(0), ulong(row), ulong(m * row));
     launch_items(device, kernel, column_tiles, row_tiles * slices.count);
-    const cl_kernel add = kernel_of("add_slices", written);
-    set_arguments(add, ulong(m), ulong(slices.count), ulong(row), ulong(m * row),
-                  static_cast<Real>(alpha), partial, static_cast<Real>(beta), *C.buffer,
-                  ulong(C.offset), ulong(C.row));
-    launch_items(device, add, m);
+    add_slices(device, m, slices.count, partial, row, alpha, beta, C, written, arithmetic);
     // The driver keeps a released buffer until its kernels have run: no more than one at a time.
     device.finish();
   });

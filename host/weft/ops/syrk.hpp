@@ -25,6 +25,12 @@ enum class Written { blocks, lower, upper };
 void syrk_packed(Device& device, std::size_t m, std::size_t K, double alpha, const Buffer& packed,
                  double beta, const Result& C, Written written, Arithmetic arithmetic);
 
+// C = alpha (sum of slices) + beta C in a triangle, lower or upper, of m x m. The slices hold the
+// lower triangle of their sums: [slice][m][row].
+void add_slices(Device& device, std::size_t m, std::size_t slices, const Buffer& partial,
+                std::size_t row, double alpha, double beta, const Result& C, Written written,
+                Arithmetic arithmetic);
+
 // Bytes of the partial sums that syrk_packed() holds on the device.
 std::size_t syrk_bytes(const Device& device, std::size_t m, std::size_t K,
                        Arithmetic arithmetic = Arithmetic::f32);

@@ -73,6 +73,22 @@ Benchmark gram_matrix(std::size_t m, std::size_t K, Arithmetic arithmetic = Arit
   return benchmark;
 }
 
+// C = X X^T of m long rows.
+Benchmark long_rows(std::size_t m, std::size_t K) {
+  const auto rows = static_cast<double>(m), columns = static_cast<double>(K);
+  Benchmark benchmark{"syrk_rows", fmt::format("{} x {}", m, K), rows * (rows + 1) * columns,
+                      4.0 * rows * columns};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto X = std::make_shared<Buffer>(random_buffer(device, m * K, "X"));
+    const auto C = std::make_shared<Buffer>(device, m * m * sizeof(float), "C");
+    return [=, &device] {
+      ops::syrk(device, ops::Triangle::lower, ops::Transpose::no, m, K, 1, {*X, K}, 0, {*C, m},
+                {Arithmetic::f32, ops::Family::panels, 1});
+    };
+  };
+  return benchmark;
+}
+
 // The two products of a pass of an encoder over one run of images.
 constexpr std::size_t texels = 16384, rows = 192, block = 72;
 constexpr double pass_flops = 2.0 * texels * rows * block;
@@ -116,6 +132,7 @@ std::vector<Benchmark> product_benchmarks() {
       gram_matrix(81, 250000),
       gram_matrix(243, 130000),
       gram_matrix(1024, 1024, Arithmetic::f64),
+      long_rows(81, 250000),
       {"gemm, W = A^T Q", "192 x 72 x 16384", pass_flops, pass_bytes, false, images_times_basis},
       {"gemm, Y^T += W^T A^T", "72 x 16384 x 192", pass_flops, pass_bytes, false,
        texels_from_images},
