@@ -14,6 +14,7 @@ build_packages="
   g++ cmake ninja-build
   libeigen3-dev libfmt-dev nlohmann-json3-dev libcli11-dev
   libopenexr-dev libjpeg62-turbo-dev libpng-dev libzip-dev libxxhash-dev
+  libembree-dev
   ocl-icd-opencl-dev pocl-opencl-icd"
 test_packages="
   libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy"

@@ -95,7 +95,9 @@ ImageInfo image_info(std::span<const std::byte> file, const std::string& name) {
   if (formats::is_png(file)) return formats::png_info(file, name);
   if (formats::is_jpeg(file)) return formats::jpeg_info(file, name);
   if (formats::is_exr(file)) return formats::exr_info(file, name);
-  fail_input("{}: neither a PNG, a JPEG nor an EXR image ({} bytes)", name, file.size());
+  if (formats::is_hdr(file)) return formats::hdr_info(file, name);
+  fail_input("{}: neither a PNG, a JPEG, an EXR nor a Radiance image ({} bytes)", name,
+             file.size());
 }
 
 ImageInfo image_info(const std::filesystem::path& path) {
@@ -115,6 +117,8 @@ void read_image(std::span<const std::byte> file, const std::string& name, const 
     formats::read_png(file, name, info, out);
   } else if (formats::is_jpeg(file)) {
     formats::read_jpeg(file, name, info, out);
+  } else if (formats::is_hdr(file)) {
+    formats::read_hdr(file, name, info, out);
   } else {
     formats::read_exr(file, name, info, out);
   }

@@ -1,4 +1,5 @@
-// Single images: PNG and JPEG (8 bit; 16-bit PNG is refused by name), EXR (half or float).
+// Single images: PNG and JPEG (8 bit; 16-bit PNG is refused by name), EXR (half or float), and
+// Radiance .hdr (read only, as float).
 #pragma once
 
 #include <cstddef>
@@ -16,7 +17,7 @@ struct ImageInfo {
   std::size_t height = 0;
   std::size_t width = 0;
   std::size_t channels = 0;  // 1 (grey) or 3 (RGB); an alpha channel is dropped
-  DType dtype = DType::u8;   // U8 for PNG and JPEG, F16 or F32 for EXR
+  DType dtype = DType::u8;   // U8 for PNG and JPEG, F16 or F32 for EXR, F32 for .hdr
 
   std::size_t bytes() const { return height * width * channels * size_of(dtype); }
   bool operator==(const ImageInfo&) const = default;

@@ -37,6 +37,10 @@ ImageInfo jpeg_info(Bytes file, const std::string& name);
 void read_jpeg(Bytes file, const std::string& name, const ImageInfo& info,
                std::span<std::byte> out);
 
+bool is_hdr(Bytes file);
+ImageInfo hdr_info(Bytes file, const std::string& name);
+void read_hdr(Bytes file, const std::string& name, const ImageInfo& info, std::span<std::byte> out);
+
 bool is_exr(Bytes file);
 ImageInfo exr_info(Bytes file, const std::string& name);
 void read_exr(Bytes file, const std::string& name, const ImageInfo& info, std::span<std::byte> out);
