@@ -29,6 +29,7 @@ endfunction()
 
 # Kernel files that others include.
 set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/encoding.cl
                          ${PROJECT_SOURCE_DIR}/kernels/look_up_record.cl
                          ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
                          ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl

@@ -101,25 +101,28 @@ class ViewPcaDeviceSampler final : public DeviceSampler {
     mean_ = Buffer(device, model.mean.size() * sizeof(float), "means");
     device.write(mean_, std::span<const float>(model.mean));
     const Rows rows = rows_of(model);
-    A_ = Buffer(device, rows.A_floats * sizeof(float), "components");
-    B_ = Buffer(device, rows.B_floats * sizeof(float), "weights of components");
+    std::vector<float> A(rows.A_floats, 0.0f), B(rows.B_floats, 0.0f);
     views_ = Buffer(device, rows.views.size() * sizeof(std::uint64_t), "factors of views");
     device.write(views_, std::span<const std::uint64_t>(rows.views));
     const std::vector<std::size_t> offsets = model.offsets();
     for (std::size_t v = 0; v < shape_.views; ++v) {
       const std::size_t k = offsets[v + 1] - offsets[v];
       largest_rank_ = std::max(largest_rank_, k);
-      ops::write_rows(
-          device, texels, k,
+      ops::pad_rows(
+          texels, k,
           [&](std::size_t p, std::size_t j) { return model.images[(offsets[v] + j) * texels + p]; },
-          A_, rows.views[3 * v + 1]);
-      ops::write_rows(
-          device, light_channels, k,
+          std::span(A).subspan(rows.views[3 * v + 1] * ops::row_lanes));
+      ops::pad_rows(
+          light_channels, k,
           [&](std::size_t r, std::size_t j) {
             return model.basis[(offsets[v] + j) * light_channels + r];
           },
-          B_, rows.views[3 * v + 2]);
+          std::span(B).subspan(rows.views[3 * v + 2] * ops::row_lanes));
     }
+    A_ = Buffer(device, A.size() * sizeof(float), "components");
+    B_ = Buffer(device, B.size() * sizeof(float), "weights of components");
+    device.write(A_, std::span<const float>(A));
+    device.write(B_, std::span<const float>(B));
   }
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
@@ -136,7 +139,8 @@ class ViewPcaDeviceSampler final : public DeviceSampler {
 
   static std::size_t bytes(const ViewPcaModel& model) {
     const Rows rows = rows_of(model);
-    return (model.mean.size() + rows.A_floats + rows.B_floats) * sizeof(float) +
+    // the factors on the host as well, while they are put in order
+    return (model.mean.size() + 2 * (rows.A_floats + rows.B_floats)) * sizeof(float) +
            rows.views.size() * sizeof(std::uint64_t);
   }
 

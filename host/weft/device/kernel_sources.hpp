@@ -18,15 +18,19 @@ extern const KernelSource gemm;
 extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource look_up_factors;
+extern const KernelSource look_up_raw;
 extern const KernelSource peak;
+extern const KernelSource reduce_mip;
 extern const KernelSource render_surface;
 extern const KernelSource scan_tile;
+extern const KernelSource shade_points;
 extern const KernelSource ssim;
 extern const KernelSource sum_squares;
 extern const KernelSource syrk;
 extern const KernelSource syrk_rows;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;
+extern const KernelSource weigh_directions;
 }  // namespace kernel_sources
 
 // kernels/tuning.json

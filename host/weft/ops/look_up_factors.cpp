@@ -12,8 +12,6 @@
 namespace weft::ops {
 namespace {
 
-constexpr std::size_t lanes = 8;
-
 cl_kernel factor_kernel(Device& device, const LookupBatch& batch, const char* name) {
   return device.kernel(kernel_sources::look_up_factors,
                        lookup_options(device, batch.lookup, batch.shape.channels), name);
@@ -35,11 +33,11 @@ std::size_t lookup_block(const Device& device) {
 }
 
 std::size_t row_vectors(std::size_t rank) {
-  return ceil_div(rank, lanes);
+  return ceil_div(rank, row_lanes);
 }
 
 std::size_t row_floats(std::size_t rows, std::size_t rank, const char* what) {
-  const std::size_t width = row_vectors(rank) * lanes;
+  const std::size_t width = row_vectors(rank) * row_lanes;
   constexpr std::size_t most = std::numeric_limits<std::size_t>::max() / sizeof(float);
   if (width > 0 && rows > most / width) {
     fail_runtime("{}: {} rows of {} floats are more than memory can hold", what, rows, width);
@@ -47,21 +45,25 @@ std::size_t row_floats(std::size_t rows, std::size_t rank, const char* what) {
   return rows * width;
 }
 
-void write_rows(Device& device, std::size_t rows, std::size_t rank,
-                const std::function<float(std::size_t row, std::size_t j)>& value, Buffer& to,
-                std::size_t first) {
+void pad_rows(std::size_t rows, std::size_t rank, const RowValue& value, std::span<float> to) {
+  const std::size_t width = row_vectors(rank) * row_lanes;
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t j = 0; j < rank; ++j) to[row * width + j] = value(row, j);
+  }
+}
+
+void write_rows(Device& device, std::size_t rows, std::size_t rank, const RowValue& value,
+                Buffer& to) {
   if (rank == 0) return;
-  const std::size_t width = row_vectors(rank) * lanes;
+  const std::size_t width = row_vectors(rank) * row_lanes;
   constexpr std::size_t chunk_floats = std::size_t{1} << 18;
   const std::size_t run = std::clamp<std::size_t>(chunk_floats / width, 1, rows);
   std::vector<float> part(run * width, 0.0f);
-  for (std::size_t begin = 0; begin < rows; begin += run) {
-    const std::size_t count = std::min(run, rows - begin);
-    for (std::size_t row = 0; row < count; ++row) {
-      for (std::size_t j = 0; j < rank; ++j) part[row * width + j] = value(begin + row, j);
-    }
-    device.write(to, std::span<const float>(part).first(count * width),
-                 first * lanes + begin * width);
+  for (std::size_t first = 0; first < rows; first += run) {
+    const std::size_t count = std::min(run, rows - first);
+    pad_rows(
+        count, rank, [&](std::size_t row, std::size_t j) { return value(first + row, j); }, part);
+    device.write(to, std::span<const float>(part).first(count * width), first * width);
   }
 }
 

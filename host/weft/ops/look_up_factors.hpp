@@ -3,6 +3,8 @@
 
 #include <cstddef>
 #include <functional>
+#include <span>
+#include <string>
 
 #include "weft/btf/lookup.hpp"
 #include "weft/device/device.hpp"
@@ -10,15 +12,18 @@
 namespace weft::ops {
 
 // Rows of a factor are padded with zeros to whole vectors of 8 floats; this many of them.
+inline constexpr std::size_t row_lanes = 8;
 std::size_t row_vectors(std::size_t rank);
 
 // Floats of `rows` such rows. Throws a run-time error that names `what` where they overflow.
 std::size_t row_floats(std::size_t rows, std::size_t rank, const char* what);
 
-// Writes `rows` rows of `rank` values, value(row, j), into `to` from its vector `first` on.
-void write_rows(Device& device, std::size_t rows, std::size_t rank,
-                const std::function<float(std::size_t row, std::size_t j)>& value, Buffer& to,
-                std::size_t first = 0);
+// Puts `rows` rows of `rank` values, value(row, j), at the front of `to`, which is zero; or writes
+// them to a buffer.
+using RowValue = std::function<float(std::size_t row, std::size_t j)>;
+void pad_rows(std::size_t rows, std::size_t rank, const RowValue& value, std::span<float> to);
+void write_rows(Device& device, std::size_t rows, std::size_t rank, const RowValue& value,
+                Buffer& to);
 
 // `count` records of `lookup` into out, [count][C] floats, of a BTF of `shape`.
 struct LookupBatch {

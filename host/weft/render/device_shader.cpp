@@ -1,0 +1,320 @@
+#include "weft/render/device_shader.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "weft/btf/mip.hpp"
+#include "weft/codecs/codec.hpp"
+#include "weft/error.hpp"
+#include "weft/ops/shade.hpp"
+#include "weft/render/raw_sampler.hpp"
+#include "weft/scene/texture_taps.hpp"
+
+namespace weft {
+namespace {
+
+using Samplers = std::vector<std::unique_ptr<DeviceSampler>>;
+
+// Bytes that a point and a light sample take in a batch, on the device and once more on the host.
+constexpr std::size_t point_bytes = 512;
+constexpr std::size_t sample_bytes = 384;
+// Light samples of a batch where all levels are resident: what they take stays in a large cache.
+constexpr std::size_t resident_batch = std::size_t{1} << 16;
+constexpr std::size_t streaming_batch = std::size_t{1} << 24;
+
+// A material on the device.
+struct DeviceMaterial {
+  BtfInfo info;  // without its mask
+  Samplers levels;
+  Samplers mask_levels;  // empty without a mask
+  std::shared_ptr<const Model> model;
+  std::size_t batch = resident_batch;
+  std::size_t bytes = 0;
+};
+
+// Grows a buffer that is too small; its contents are lost.
+void reserve(Device& device, Buffer& buffer, std::size_t bytes, const char* what) {
+  if (buffer.size() >= bytes && buffer) return;
+  buffer = Buffer();
+  buffer = Buffer(device, std::max<std::size_t>(bytes, 1), what);
+}
+
+class DeviceShader final : public Shader {
+ public:
+  DeviceShader(Device& device, DeviceMaterial material)
+      : device_(device),
+        material_(std::move(material)),
+        views_(device, Hemisphere(material_.info.view_directions)),
+        lights_(device, Hemisphere(material_.info.light_directions)) {}
+
+  std::size_t batch_samples() const override { return material_.batch; }
+  std::size_t bytes() const override { return material_.bytes; }
+
+  void shade(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
+             std::span<PointRadiance> radiance, Job& job) override {
+    if (points.empty()) return;
+    const std::size_t samples = lights.size() / points.size();
+    const std::size_t run = std::clamp<std::size_t>(
+        material_.batch / std::max<std::size_t>(samples, 1), 1, points.size());
+    for (std::size_t first = 0; first < points.size(); first += run) {
+      check_interrupt();
+      const std::size_t count = std::min(run, points.size() - first);
+      shade_run(points.subspan(first, count), lights.subspan(first * samples, count * samples),
+                radiance.subspan(first, count), job);
+    }
+  }
+
+ private:
+  using Entries = std::vector<std::vector<std::uint32_t>>;  // of each level
+
+  void shade_run(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
+                 std::span<PointRadiance> radiance, Job& job) {
+    Entries point_entries(material_.levels.size());
+    Entries sample_entries(material_.levels.size());
+    {
+      const StageTimer timer(job, "directions");
+      upload(points, lights, point_entries, sample_entries);
+      device_.finish();
+    }
+    for (std::size_t level = 0; level < material_.levels.size(); ++level) {
+      look_up_masks(level, point_entries[level], job);
+      light_level(level, sample_entries[level], job);
+    }
+    const StageTimer timer(job, "shading");
+    reserve(device_, radiance_, points.size() * sizeof(PointRadiance), "radiance of points");
+    ops::sum_points(device_, points.size(), tables_, radiance_);
+    device_.read(radiance_, radiance);
+  }
+
+  // Fills the tables, and lists the entries of each level.
+  void upload(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
+              Entries& point_entries, Entries& sample_entries) {
+    const std::size_t samples = lights.size() / points.size();
+    const BtfShape& shape = material_.info.shape;
+    std::vector<float> view_directions, light_directions, irradiance, share;
+    std::vector<std::uint32_t> point_of, first;
+    std::vector<TexelTaps> taps(2 * points.size());
+    static_assert(sizeof(TexelTaps) == ops::texel_tap_words * sizeof(std::uint32_t));
+    if (points.size() > std::numeric_limits<std::uint32_t>::max() / 2 ||
+        lights.size() > std::numeric_limits<std::uint32_t>::max() / 2) {
+      fail_input("{} light samples of {} points at once are too many", lights.size(),
+                 points.size());
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      const ShadingPoint& point = points[i];
+      view_directions.insert(view_directions.end(),
+                             {point.view[0], point.view[1], point.view[2], 0.0f});
+      const MipTaps mip = mip_taps(point.footprint, shape.height, shape.width);
+      const float shares[2] = {1 - mip.coarser, mip.coarser};
+      const auto first_sample = static_cast<std::uint32_t>(point_of.size());
+      first.push_back(first_sample);
+      for (std::size_t s = 0; s < samples; ++s) {
+        const LightSample& light = lights[i * samples + s];
+        if (light.irradiance == std::array<float, 3>{}) continue;
+        const auto& d = light.direction;
+        const auto& e = light.irradiance;
+        light_directions.insert(light_directions.end(), {d[0], d[1], d[2], 0.0f});
+        irradiance.insert(irradiance.end(), {e[0], e[1], e[2], 0.0f});
+        point_of.push_back(static_cast<std::uint32_t>(i));
+      }
+      for (std::uint32_t slot = 0; slot < 2; ++slot) {
+        share.push_back(shares[slot]);
+        if (!(shares[slot] > 0)) continue;
+        const std::size_t level = mip.level + slot;
+        taps[2 * i + slot] =
+            texel_taps(point.uv, mip_side(shape.height, level), mip_side(shape.width, level));
+        point_entries[level].push_back(static_cast<std::uint32_t>(2 * i) + slot);
+        for (auto s = first_sample; s < point_of.size(); ++s) {
+          sample_entries[level].push_back(2 * s + slot);
+        }
+      }
+    }
+    first.push_back(static_cast<std::uint32_t>(point_of.size()));
+
+    write(tables_.taps, std::span<const TexelTaps>(taps), "texels of points");
+    write(tables_.share, std::span<const float>(share), "shares of levels");
+    write(tables_.first, std::span<const std::uint32_t>(first), "light samples of points");
+    write(tables_.point_of, std::span<const std::uint32_t>(point_of), "points of light samples");
+    write(tables_.irradiance, std::span<const float>(irradiance), "irradiance");
+    const std::vector<float> whole(share.size(), 1.0f);
+    write(tables_.masks, std::span<const float>(whole), "masks of points");
+    reserve(device_, tables_.light, point_of.size() * 2 * sizeof(PointRadiance), "reflected light");
+    weigh(views_, view_directions, view_directions_, tables_.views);
+    weigh(lights_, light_directions, light_directions_, tables_.lights);
+  }
+
+  template <typename T>
+  void write(Buffer& buffer, std::span<const T> values, const char* what) {
+    reserve(device_, buffer, values.size_bytes(), what);
+    device_.write(buffer, values);
+  }
+
+  void weigh(const ops::DeviceHemisphere& hemisphere, const std::vector<float>& directions,
+             Buffer& uploaded, Buffer& out) {
+    const std::size_t count = directions.size() / 4;
+    write(uploaded, std::span<const float>(directions), "directions");
+    reserve(device_, out, count * ops::direction_words * sizeof(std::uint32_t),
+            "weights of directions");
+    hemisphere.weigh(device_, count, uploaded, out);
+  }
+
+  void look_up_masks(std::size_t level, const std::vector<std::uint32_t>& entries, Job& job) {
+    if (entries.empty() || material_.mask_levels.empty()) return;
+    const StageTimer timer(job, "look-ups");
+    constexpr LookupShape lookup{4, 3, 1};
+    const std::size_t count = entries.size();
+    write(list_, std::span<const std::uint32_t>(entries), "entries of a level");
+    reserve(device_, lookups_, count * lookup.words() * sizeof(std::uint32_t), "look-ups");
+    reserve(device_, values_, count * sizeof(float), "values looked up");
+    ops::write_mask_lookups(device_, count, list_, tables_, lookups_);
+    material_.mask_levels[level]->look_up(lookup, count, lookups_, values_);
+    ops::set_masks(device_, count, list_, values_, tables_);
+    device_.finish();
+  }
+
+  void light_level(std::size_t level, const std::vector<std::uint32_t>& entries, Job& job) {
+    if (entries.empty()) return;
+    constexpr LookupShape lookup{4, 3, 3};
+    const std::size_t count = entries.size();
+    {
+      const StageTimer timer(job, "shading");
+      write(list_, std::span<const std::uint32_t>(entries), "entries of a level");
+      reserve(device_, lookups_, count * lookup.words() * sizeof(std::uint32_t), "look-ups");
+      reserve(device_, values_, count * material_.info.shape.channels * sizeof(float),
+              "values looked up");
+      ops::write_lookups(device_, count, list_, tables_, lookups_);
+      device_.finish();
+    }
+    {
+      DeviceSampler& sampler = *material_.levels[level];
+      const StageTimer timer(job, "look-ups",
+                             static_cast<double>(count) * sampler.lookup_flops(lookup));
+      sampler.look_up(lookup, count, lookups_, values_);
+      device_.finish();
+    }
+    const StageTimer timer(job, "shading");
+    ops::light_entries(device_, material_.info, count, list_, values_, tables_);
+    device_.finish();
+  }
+
+  Device& device_;
+  DeviceMaterial material_;
+  ops::DeviceHemisphere views_;
+  ops::DeviceHemisphere lights_;
+  ops::ShadeTables tables_;
+  Buffer view_directions_, light_directions_, list_, lookups_, values_, radiance_;
+};
+
+// What is common to raw materials and models: `plan` holds what the finest levels take.
+class MaterialMaker {
+ public:
+  MaterialMaker(Device& device, const BtfInfo& info, Job& job)
+      : device_(device), job_(job), levels_(mip_levels(info.shape)) {
+    material_.info = info;
+    material_.info.mask.clear();
+    mask_ = mask_source(info);
+    plan_.add("batch of light samples", batch_bytes(resident_batch));
+    if (mask_) {
+      plan_.add("mask", 2 * mask_->info().bytes());
+      mask_images_ = source_images(device_, mask_);
+      mask_plan_ = plan_raw_levels(device_, *mask_images_, 0, levels_, job_.memory);
+      plan_.add("mask on the device", mask_plan_.resident_bytes + mask_plan_.streaming_bytes);
+    }
+  }
+
+  // A model's levels before those of images.
+  void add_model(std::shared_ptr<const Model> model) {
+    const Codec& codec = find_codec(model->info.codec);
+    material_.model = model;
+    std::vector<std::shared_ptr<const Model>> models{std::move(model)};
+    std::size_t bytes = codec.sampler_bytes(*models[0]);
+    while (models.size() < levels_) {
+      std::shared_ptr<const Model> next = codec.next_mip_level(*models.back());
+      if (!next) break;
+      bytes += codec.sampler_bytes(*next);
+      models.push_back(std::move(next));
+    }
+    plan_.add("model on the device", bytes);
+    for (const auto& one : models) pending_.push_back(one);
+  }
+
+  std::unique_ptr<Shader> finish(const std::shared_ptr<ImageStream>& images) {
+    const std::size_t first = pending_.size();
+    RawLevelsPlan raw_plan;
+    bool streams = false;
+    if (images) {
+      const std::size_t taken = plan_.total();
+      const std::size_t room = job_.memory > taken ? job_.memory - taken : 0;
+      raw_plan = plan_raw_levels(device_, *images, first, levels_, room);
+      plan_.add("images on the device", raw_plan.resident_bytes);
+      plan_.add("images on their way", raw_plan.streaming_bytes);
+      streams = raw_plan.first_resident > first;
+    }
+    const std::size_t taken = plan_.total();
+    if (streams && job_.memory > taken) {
+      // The more samples there are at once, the less often the images have to be gone through.
+      const std::size_t room = batch_bytes(resident_batch) + (job_.memory - taken);
+      material_.batch = std::clamp(room / (point_bytes + sample_bytes), resident_batch,
+                                   std::min(streaming_batch, largest_batch()));
+      plan_.items[0].bytes = batch_bytes(material_.batch);
+    }
+    job_.plan(plan_);
+    material_.bytes = plan_.total();
+    const StageTimer timer(job_, "load material");
+    for (const auto& model : pending_) {
+      material_.levels.push_back(find_codec(model->info.codec).sampler(device_, *model));
+    }
+    if (images) {
+      for (auto& sampler : raw_samplers(device_, images, first, levels_, raw_plan)) {
+        material_.levels.push_back(std::move(sampler));
+      }
+    }
+    if (mask_) material_.mask_levels = raw_samplers(device_, mask_images_, 0, levels_, mask_plan_);
+    device_.finish();
+    return std::make_unique<DeviceShader>(device_, std::move(material_));
+  }
+
+  bool complete() const { return pending_.size() == levels_; }
+
+ private:
+  static std::size_t batch_bytes(std::size_t samples) {
+    return samples * (point_bytes + sample_bytes);
+  }
+  // Samples whose records fit one allocation.
+  std::size_t largest_batch() const {
+    const std::size_t record = LookupShape{4, 3, 3}.words() * sizeof(std::uint32_t);
+    return std::max(device_.limits().largest_allocation / record, resident_batch);
+  }
+
+  Device& device_;
+  Job& job_;
+  std::size_t levels_;
+  DeviceMaterial material_;
+  std::shared_ptr<TileSource> mask_;
+  std::shared_ptr<ImageStream> mask_images_;
+  RawLevelsPlan mask_plan_;
+  std::vector<std::shared_ptr<const Model>> pending_;
+  MemoryPlan plan_;
+};
+
+}  // namespace
+
+std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<TileSource> raw,
+                                           Job& job) {
+  MaterialMaker maker(device, raw->info(), job);
+  return maker.finish(source_images(device, std::move(raw)));
+}
+
+std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<const Model> model,
+                                           Job& job) {
+  MaterialMaker maker(device, model->info.btf, job);
+  maker.add_model(model);
+  if (maker.complete()) return maker.finish(nullptr);
+  return maker.finish(decoded_images(device, std::move(model)));
+}
+
+}  // namespace weft

@@ -1,0 +1,19 @@
+// Shaders of raw BTFs and of models, on a device or by the reference: see weft/scene/shader.hpp.
+#pragma once
+
+#include <memory>
+
+#include "weft/device/device.hpp"
+#include "weft/model/model.hpp"
+#include "weft/scene/shader.hpp"
+
+namespace weft {
+
+// On the device, which must outlive it, or by the reference if `device` is null. A raw material,
+// and the mip levels of a model whose codec has none of its own, lie in device memory as far as
+// job.memory allows; the rest is streamed through it, once for each batch of points. Plans its
+// memory first (job.plan). Throws the input errors of validate_material().
+std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<TileSource> raw, Job& job);
+std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model> model, Job& job);
+
+}  // namespace weft

@@ -1,0 +1,19 @@
+// Shading in double, point by point: the truth that the device is checked against.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "weft/btf/lookup.hpp"
+#include "weft/scene/shader.hpp"
+
+namespace weft::reference {
+
+// Of a material described by `info`. `levels` look up its mip levels, mip_levels(info.shape) of
+// them; `mask_levels` those of its mask, and are empty where it has none. Throws the input errors
+// of validate_material().
+std::unique_ptr<Shader> make_shader(const BtfInfo& info,
+                                    std::vector<std::unique_ptr<ReferenceSampler>> levels,
+                                    std::vector<std::unique_ptr<ReferenceSampler>> mask_levels);
+
+}  // namespace weft::reference
