@@ -280,18 +280,21 @@ TEST(Obj, ReadsFacesOfAnyKind) {
 // The area of a polygon with a notch is covered once.
 TEST(Obj, CutsConcavePolygons) {
   const ObjFile file;
-  const TriangleMesh arrow =
-      file.read("v 0 0 0\nv 2 -2 0\nv 0 4 0\nv -2 -2 0\nvt 0 0\nf 4/1 1/1 2/1 3/1\n");
-  ASSERT_EQ(arrow.triangles.size(), 2u);
-  double area = 0;
-  for (const auto& t : arrow.triangles) {
-    const Vector3 a = to_double(arrow.vertices[t[0]].position);
-    const Vector3 normal = cross(difference(to_double(arrow.vertices[t[1]].position), a),
-                                 difference(to_double(arrow.vertices[t[2]].position), a));
-    EXPECT_GT(normal[2], 0);
-    area += normal[2] / 2;
+  for (const std::string& face : std::vector<std::string>{"1/1 2/1 3/1 4/1", "2/1 3/1 4/1 1/1",
+                                                          "3/1 4/1 1/1 2/1", "4/1 1/1 2/1 3/1"}) {
+    const TriangleMesh arrow =
+        file.read("v 0 0 0\nv 2 -2 0\nv 0 4 0\nv -2 -2 0\nvt 0 0\nf " + face + "\n");
+    ASSERT_EQ(arrow.triangles.size(), 2u);
+    double area = 0;
+    for (const auto& t : arrow.triangles) {
+      const Vector3 a = to_double(arrow.vertices[t[0]].position);
+      const Vector3 normal = cross(difference(to_double(arrow.vertices[t[1]].position), a),
+                                   difference(to_double(arrow.vertices[t[2]].position), a));
+      EXPECT_GT(normal[2], 0);
+      area += normal[2] / 2;
+    }
+    EXPECT_NEAR(area, 8, 1e-6);
   }
-  EXPECT_NEAR(area, 8, 1e-6);
   // A polygon that crosses itself, and one without area, end all the same.
   EXPECT_EQ(file.read(square + "f 1/1 3/3 2/2 4/4\n").triangles.size(), 2u);
   EXPECT_EQ(file.read(square + "f 1/1 1/1 1/1 1/1 1/1\n").triangles.size(), 3u);
