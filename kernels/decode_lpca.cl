@@ -36,7 +36,7 @@
 #endif
 
 // Work-item (block of panels, block of images).
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void decode_lpca(ulong panel_count, ulong all_images, ulong first_image, ulong images,
                           ulong k, __global const uint* restrict panels,
                           __global const float* restrict A, __global const float* restrict B,
@@ -50,14 +50,12 @@ __kernel void decode_lpca(ulong panel_count, ulong all_images, ulong first_image
     for (ulong image = image_begin; image < image_end; ++image) {
       __global const float* b = B + (cluster_images + image) * CHANNELS * k;
       __global const float* image_mean = mean + (cluster_images + image) * CHANNELS;
-      for (uint part = 0; part < NR; part += 24) {
-        float8 u[CHANNELS], v[CHANNELS], w[CHANNELS];
-        decode_texels(k, A + panel * k * NR + part, b, image_mean, u, v, w);
-        __global float* out = sorted + ((image * panel_count + panel) * NR + part) * CHANNELS;
-        store_texels(u, 8, out);
-        store_texels(v, 8, out + 8 * CHANNELS);
-        store_texels(w, 8, out + 16 * CHANNELS);
-      }
+      realv u[CHANNELS], v[CHANNELS], w[CHANNELS];
+      decode_texels(k, A + panel * k * NR, b, image_mean, u, v, w);
+      __global float* out = sorted + (image * panel_count + panel) * NR * CHANNELS;
+      store_texels(u, VW, out);
+      store_texels(v, VW, out + VW * CHANNELS);
+      store_texels(w, VW, out + 2 * VW * CHANNELS);
     }
   }
 }

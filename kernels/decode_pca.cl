@@ -9,7 +9,7 @@
 //         behind first_out others
 //
 // One work-item decodes PANELS panels of texels for IMAGES images: the panels stay in the first
-// cache while the images pass. Three vectors of 8 texels by up to three channels are held at once.
+// cache while the images pass. Three vectors of texels by up to three channels are held at once.
 // Work-item (block of panels, block of images).
 //
 // CHANNELS  C
@@ -25,7 +25,7 @@
 #define IMAGES 16
 #endif
 
-__attribute__((reqd_work_group_size(1, 1, 1)))
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k, ulong first_out,
                          __global const float* restrict A, __global const float* restrict B,
                          __global const float* restrict mean, __global float* restrict out) {
@@ -38,18 +38,14 @@ __kernel void decode_pca(ulong texels, ulong first_image, ulong images, ulong k,
     for (ulong image = image_begin; image < image_end; ++image) {
       __global const float* b = B + (first_image + image) * CHANNELS * k;
       __global const float* image_mean = mean + (first_image + image) * CHANNELS;
-      for (uint part = 0; part < NR; part += 24) {
-        const ulong p = panel * NR + part;
-        if (p >= texels) break;
-        __global const float* a = A + panel * k * NR + part;
-        float8 u[CHANNELS], v[CHANNELS], w[CHANNELS];
-        decode_texels(k, a, b, image_mean, u, v, w);
-        __global float* texel = out + ((first_out + image) * texels + p) * CHANNELS;
-        const uint valid = (uint)min((ulong)24, texels - p);
-        store_texels(u, min(valid, 8u), texel);
-        if (valid > 8) store_texels(v, min(valid - 8, 8u), texel + 8 * CHANNELS);
-        if (valid > 16) store_texels(w, min(valid - 16, 8u), texel + 16 * CHANNELS);
-      }
+      const ulong p = panel * NR;
+      realv u[CHANNELS], v[CHANNELS], w[CHANNELS];
+      decode_texels(k, A + panel * k * NR, b, image_mean, u, v, w);
+      __global float* texel = out + ((first_out + image) * texels + p) * CHANNELS;
+      const uint valid = (uint)min((ulong)NR, texels - p);
+      store_texels(u, valid, texel);
+      if (valid > VW) store_texels(v, valid - VW, texel + VW * CHANNELS);
+      if (valid > 2 * VW) store_texels(w, valid - 2 * VW, texel + 2 * VW * CHANNELS);
     }
   }
 }

@@ -1,5 +1,5 @@
-// Texels from factors: mean[c] + sum_{j < k} a[j] b[c][j] for 24 texels of C channels at once, held in
-// three vectors per channel. Included after vector_width.cl.
+// Texels from factors: mean[c] + sum_{j < k} a[j] b[c][j] for a panel of NR texels of C channels at once,
+// held in three vectors per channel. Included after vector_width.cl.
 //
 // CHANNELS  C
 #ifndef CHANNELS
@@ -7,7 +7,7 @@
 #endif
 
 // Texels [p, p + 8) of C channels, interleaved; `valid` of them exist.
-inline void store_texels(const float8* channel, uint valid, __global float* out) {
+inline void store_eight(const float8* channel, uint valid, __global float* out) {
 #if CHANNELS == 1
   if (valid == 8) {
     vstore8(channel[0], 0, out);
@@ -29,27 +29,41 @@ inline void store_texels(const float8* channel, uint valid, __global float* out)
   }
 }
 
-// One channel of 24 texels.
-#define CHANNEL(c)                                        \
-  float8 x##c = image_mean[c], y##c = x##c, z##c = x##c;
+// The same of a vector's texels.
+inline void store_texels(const realv* channel, uint valid, __global float* out) {
+#if VW == 8
+  store_eight(channel, min(valid, 8u), out);
+#else
+  float8 eight[CHANNELS];
+  for (uint c = 0; c < CHANNELS; ++c) eight[c] = channel[c].lo;
+  store_eight(eight, min(valid, 8u), out);
+  if (valid <= 8) return;
+  for (uint c = 0; c < CHANNELS; ++c) eight[c] = channel[c].hi;
+  store_eight(eight, min(valid - 8, 8u), out + 8 * CHANNELS);
+#endif
+}
 
-#define ADD(c)                       \
-  {                                  \
-    const float8 t = b[(c) * k + j]; \
-    x##c = fma(t, a0, x##c);         \
-    y##c = fma(t, a1, y##c);         \
-    z##c = fma(t, a2, z##c);         \
+// One channel of a panel.
+#define CHANNEL(c)                                       \
+  realv x##c = image_mean[c], y##c = x##c, z##c = x##c;
+
+#define ADD(c)                      \
+  {                                 \
+    const realv t = b[(c) * k + j]; \
+    x##c = fma(t, a0, x##c);        \
+    y##c = fma(t, a1, y##c);        \
+    z##c = fma(t, a2, z##c);        \
   }
 
-// Texels [0, 8), [8, 16) and [16, 24) in u, v and w. a: [k][NR], b: [CHANNELS][k].
+// Texels [0, VW), [VW, 2 VW) and [2 VW, NR) in u, v and w. a: [k][NR], b: [CHANNELS][k].
 inline void decode_texels(ulong k, __global const float* a, __global const float* b,
-                          __global const float* image_mean, float8* u, float8* v, float8* w) {
+                          __global const float* image_mean, realv* u, realv* v, realv* w) {
 #if CHANNELS == 3
   CHANNEL(0)
   CHANNEL(1)
   CHANNEL(2)
   for (ulong j = 0; j < k; ++j, a += NR) {
-    const float8 a0 = vload8(0, a), a1 = vload8(0, a + 8), a2 = vload8(0, a + 16);
+    const realv a0 = loadv(a), a1 = loadv(a + VW), a2 = loadv(a + 2 * VW);
     ADD(0)
     ADD(1)
     ADD(2)
@@ -60,12 +74,12 @@ inline void decode_texels(ulong k, __global const float* a, __global const float
 #else
   for (uint c = 0; c < CHANNELS; ++c) {
     __global const float* a_channel = a;
-    float8 x = image_mean[c], y = x, z = x;
+    realv x = image_mean[c], y = x, z = x;
     for (ulong j = 0; j < k; ++j, a_channel += NR) {
-      const float8 t = b[c * k + j];
-      x = fma(t, vload8(0, a_channel), x);
-      y = fma(t, vload8(0, a_channel + 8), y);
-      z = fma(t, vload8(0, a_channel + 16), z);
+      const realv t = b[c * k + j];
+      x = fma(t, loadv(a_channel), x);
+      y = fma(t, loadv(a_channel + VW), y);
+      z = fma(t, loadv(a_channel + 2 * VW), z);
     }
     u[c] = x, v[c] = y, w[c] = z;
   }

@@ -1,5 +1,5 @@
-// Images from a PCA model, at sizes about the vector (8 texels), the panel (24), the block of 4
-// panels by 16 images that one work-item decodes, and at ranks about the panel.
+// Images from a PCA model, at sizes about the vector (8 or 16 texels), the panel of three, the
+// block of 4 panels by 16 images that one work-item decodes, and at ranks about the panel.
 #include "weft/ops/decode_pca.hpp"
 
 #include <gtest/gtest.h>
@@ -83,7 +83,8 @@ TEST(DecodePca, SmallOfEachShape) {
 
 TEST(DecodePca, StraddlesVectorsPanelsAndBlocks) {
   for (const std::size_t channels : Sizes{1, 2, 3, 4, 5}) {
-    for (const std::size_t texels : Sizes{1, 7, 8, 9, 16, 17, 23, 24, 25, 95, 96, 97, 193}) {
+    for (const std::size_t texels : Sizes{1,  7,  8,  9,  15, 16, 17, 23, 24, 25, 31, 32,
+                                          33, 39, 40, 41, 47, 48, 49, 95, 96, 97, 193}) {
       expect_decoded(random_model(3, texels, channels, 5), 0, 3);
     }
     for (const std::size_t images : Sizes{1, 15, 16, 17, 33}) {
