@@ -12,7 +12,8 @@
 //   [d_0 d_1 d_2] w = d,    normalised to sum 1.
 //
 // They are continuous over the hemisphere, not negative, and 1 at a measured direction. Outside, d
-// is clamped to the nearest point of the hull's edge (the angle between them is least), and `scale`
+// is clamped to the nearest point of the hull's edge (the angle between them is least; where all of
+// the hull is more than 90 degrees away, to one of its corners), and `scale`
 // is cos(theta) / cos(theta, clamped) for values that contain the cosine of the light; it is at
 // most 4, so that a set which ends near the horizon is not blown up. A direction below the horizon
 // is first brought to the horizon at its azimuth (straight down: to azimuth 0), and has scale 0.
