@@ -146,6 +146,158 @@ TEST(RenderSurfaceScene, ShadowAlongY) {
   expect_shadow(false, 270);
 }
 
+// A slab that hangs in the air, seen and lit from 45 degrees. (x, y): towards +x or +y where
+// phi < 180. Seen from there it covers [2, 4.5) of the plane of its top, and nothing else is met.
+void expect_slab(bool along_x, double phi) {
+  const std::size_t n = 64;
+  const Direction slanted = direction_from_degrees(45, phi);
+  BtfInfo info = render_info(along_x ? n : 1, along_x ? 1 : n, {slanted, {0, 0, 1}}, {{0, 0, 1}});
+  Device device("auto");
+  const Surface surface = slab(along_x, false);
+  const Renders renders = render_both(surface, info, render_options(1));
+  BtfInfo masked[2] = {info, info};
+  render_surface_mask(device, surface, render_options(1), masked[0]);
+  render_surface_mask_reference(surface, render_options(1), masked[1]);
+  const bool from_above = phi < 180;  // +x, or +y
+  for (const bool by_device : {true, false}) {
+    const std::vector<double>& values = by_device ? renders.device : renders.reference;
+    const BtfInfo& mask = masked[by_device ? 0 : 1];
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t texel = along_x ? i : n - 1 - i;  // row 0 is the top
+      const double low = 8.0 * static_cast<double>(i) / n, high = low + 8.0 / n;
+      const double margin = 1.0 / 16;
+      const double first = from_above ? 2 : 1.5, last = from_above ? 4.5 : 4;
+      if (low > first + margin && high < last - margin) {
+        EXPECT_EQ(mask.mask[texel], 1) << i;
+        EXPECT_GT(mask.mask_distance[texel], 0) << i;
+      }
+      if (high < first - margin || low > last + margin) {
+        EXPECT_EQ(values[3 * texel], 0) << i;
+        EXPECT_EQ(mask.mask[texel], 0) << i;
+        EXPECT_LT(mask.mask_distance[texel], 0) << i;
+      }
+      // Its top.
+      if (low > 2 + margin && high < 4 - margin) {
+        EXPECT_NEAR(values[3 * texel], 1 / pi, 1e-6) << i;
+        EXPECT_NEAR(values[3 * (n + texel)], 1 / pi, 1e-6) << i;
+        EXPECT_EQ(mask.mask[n + texel], 1);
+      }
+      if (high < 2 - margin || low > 4 + margin) {
+        EXPECT_EQ(values[3 * (n + texel)], 0) << i;
+        EXPECT_EQ(mask.mask[n + texel], 0) << i;
+      }
+    }
+  }
+}
+TEST(RenderSurfaceScene, SlabHangsInTheAir) {
+  expect_slab(true, 0);
+  expect_slab(true, 180);
+  expect_slab(false, 90);
+  expect_slab(false, 270);
+}
+
+// Above a floor, its shadow is that of a slab and not of a block: under a light from +x at 45
+// degrees it falls on [1, 3.5). Seen from where the light is, nothing lies in shadow.
+TEST(RenderSurfaceScene, LightPassesUnderASlab) {
+  for (const bool along_x : {true, false}) {
+    const std::size_t n = 64;
+    const double phi = along_x ? 0 : 90;
+    const std::vector<Direction> lights = {direction_from_degrees(45, phi),
+                                           direction_from_degrees(45, phi + 180)};
+    const BtfInfo info =
+        render_info(along_x ? n : 1, along_x ? 1 : n, {lights[0], lights[1], {0, 0, 1}}, lights);
+    const Renders renders = render_both(slab(along_x, true), info, render_options(1));
+    const double lit = std::sqrt(0.5) / pi;
+    for (const std::vector<double>* values : {&renders.device, &renders.reference}) {
+      const auto at = [&](std::size_t view, std::size_t light, std::size_t texel, std::size_t c) {
+        return (*values)[3 * ((view * 2 + light) * n + texel) + c];
+      };
+      std::size_t below = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t texel = along_x ? i : n - 1 - i;
+        const double low = 8.0 * static_cast<double>(i) / n, high = low + 8.0 / n;
+        const double margin = 1.0 / 16;
+        // View and light from +x. The view ray of x meets the floor at x - 1.
+        const bool edge = std::abs(low - 4.5) < 2 * margin || std::abs(low - 2) < 2 * margin;
+        const bool top = low > 2 && high < 4;
+        const bool side = low >= 4 - 2 * margin && high < 4.5 + margin;  // whose normals are of either face
+        if (!edge && !side) {
+          EXPECT_NEAR(at(0, 0, texel, 0), top ? lit : 0, 1e-6) << i;
+          EXPECT_NEAR(at(0, 0, texel, 1), top ? 0 : lit, 1e-6) << i;
+        }
+        if (low > 4.5 + margin && high < 5 - margin) ++below;  // floor at [3.5, 4), below the slab
+        // From above, the light from +x: shadow on [1, 2) of what is seen; from -x: on [4, 5).
+        const auto expect_shadow = [&](std::size_t light, double from, double to) {
+          if (low > from + margin && high < to - margin) {
+            EXPECT_EQ(at(2, light, texel, 1), 0) << i;
+          }
+          const bool clear = high < from - margin || low > to + margin;
+          const bool on_floor = high < 2 - margin || low > 4 + margin;
+          if (clear && on_floor) {
+            EXPECT_NEAR(at(2, light, texel, 1), lit, 1e-6) << i;
+          }
+        };
+        expect_shadow(0, 1, 2);
+        expect_shadow(1, 4, 5);
+      }
+      EXPECT_GT(below, 1u);
+    }
+  }
+}
+
+// A level plane shows itself nothing.
+TEST(RenderSurfaceScene, LevelPlaneHasNoBounce) {
+  const BtfInfo info = render_info(5, 3, even_directions(5), even_directions(9));
+  SurfaceRenderOptions options = render_options(4);
+  const Renders direct = render_both(lambertian_plane(0.7f), info, options);
+  options.bounces = 1;
+  const Renders both = render_both(lambertian_plane(0.7f), info, options);
+  EXPECT_TRUE(all_equal(both.device, direct.device));
+  EXPECT_TRUE(all_equal(both.reference, direct.reference));
+}
+
+// In grooves whose walls stand at right angles, light from the zenith gives every point of a wall
+// the radiance a/pi cos 45. A point at distance s from the valley sees the opposite wall, of length
+// 1, within F(s) = (1 - s / sqrt(1 + s^2)) / 2 of its hemisphere, weighted by the cosine; the mean
+// over the wall is 1 - sqrt(1/2). Rays of neighbouring grooves pass over the ridges.
+TEST(RenderSurfaceScene, GroovesLightThemselves) {
+  const float albedo = 0.6f;
+  const double form_factor = 1 - std::sqrt(0.5);
+  Device device("auto");
+  struct Case {
+    std::size_t columns, texels, samples;
+    bool by_device;
+  };
+  for (const Case& c : {Case{1024, 64, 256, true}, {256, 16, 256, false}}) {
+    const BtfInfo info = render_info(c.texels, 1, {{0, 0, 1}}, {{0, 0, 1}});
+    SurfaceRenderOptions options = render_options(c.samples);
+    const Surface surface = grooves(c.columns, albedo);
+    const auto mean_of = [&](std::size_t bounces) {
+      options.bounces = bounces;
+      const std::vector<double> values = c.by_device
+                                             ? render_on_device(device, surface, info, options)
+                                             : render_on_reference(surface, info, options);
+      double red = 0, green = 0;
+      for (std::size_t i = 0; i < values.size(); i += 3) {
+        red += values[i] / static_cast<double>(c.texels);
+        green += values[i + 1] / static_cast<double>(c.texels);
+      }
+      return std::array{red, green};
+    };
+    const auto direct = mean_of(0), both = mean_of(1);
+    // Normals are rounded off over a cell at each end of the two walls.
+    const double ends = 4 / (0.5 * static_cast<double>(c.columns));
+    EXPECT_NEAR(direct[0], albedo / pi * std::sqrt(0.5), ends * albedo / pi);
+    // Of each sample, the chance of meeting the other wall is F: three standard deviations of
+    // independent ones, and these are more even.
+    const double rays = static_cast<double>(c.texels * c.samples);
+    const double tolerance = 3 * std::sqrt(form_factor * (1 - form_factor) / rays) + ends;
+    const double radiance = albedo / pi * std::sqrt(0.5);
+    EXPECT_NEAR((both[0] - direct[0]) / (albedo * radiance), form_factor, tolerance);
+    EXPECT_NEAR((both[1] - direct[1]) / (0.25 * albedo * radiance), form_factor, tolerance);
+  }
+}
+
 // The reference shows the same at points that are whole periods apart.
 TEST(RenderSurfaceReference, Repeats) {
   const Surface surface = small_cloth();
@@ -261,6 +413,9 @@ TEST(RenderSurfaceReference, RefusesWhatItCannotRender) {
   expect_refused(info, render_options(1), "light direction 0");
   expect_refused(good, render_options(0), "samples is 0");
   expect_refused(good, render_options(65537), "samples is 65537");
+  SurfaceRenderOptions options = render_options(1);
+  options.bounces = 2;
+  expect_refused(good, options, "bounces is 2");
 }
 
 }  // namespace

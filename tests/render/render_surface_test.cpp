@@ -24,7 +24,7 @@ double position_error(const Surface& surface, const BtfInfo& info) {
     march = std::max(march, static_cast<double>(m.steps));
   }
   for (const Direction& light : info.light_directions) {
-    const LightMarch m = march_of_light(surface, light);
+    const StepMarch m = march_along(surface, normalized({light[0], light[1], light[2]}));
     march = std::max(march, (surface.highest - surface.lowest) / m.step_z);
   }
   const auto side = static_cast<double>(std::max(surface.columns, surface.rows));
@@ -209,6 +209,7 @@ TEST(RenderSurface, BitsDoNotDependOnTilesOrRuns) {
   for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
     const BtfInfo info = render_info(7, 5, even_directions(3), even_directions(21), dtype);
     SurfaceRenderOptions options = render_options(5);
+    options.bounces = dtype == DType::f16 ? 1 : 0;
     const std::vector<double> whole = render_on_device(device, surface, info, options);
     EXPECT_TRUE(all_equal(render_on_device(device, surface, info, options), whole));
     const std::size_t image = info.image_bytes();
@@ -251,44 +252,160 @@ TEST(RenderSurface, ExtremesStayFinite) {
   for (const double phi : {0.0, 77.0, 180.0, 300.0}) {
     directions.push_back(direction_from_degrees(89.4, phi));
   }
+  // The same as a sheet that is torn to shreds.
+  Surface shreds = surface;
+  shreds.layers[0].underside.resize(1024);
+  for (float& z : shreds.layers[0].underside) z = static_cast<float>(random.uniform(-1, 1));
+  shreds.lowest = -1;
+  shreds.highest = 1;
   Device device("auto");
-  for (const DType dtype : {DType::f32, DType::f16}) {
-    const BtfInfo info = render_info(9, 9, directions, directions, dtype);
-    for (const double value : render_on_device(device, surface, info, render_options(2))) {
-      ASSERT_TRUE(std::isfinite(value));
-      ASSERT_GE(value, 0);
+  for (const Surface& scene : {surface, shreds}) {
+    for (const DType dtype : {DType::f32, DType::f16}) {
+      const BtfInfo info = render_info(9, 9, directions, directions, dtype);
+      SurfaceRenderOptions options = render_options(2);
+      options.bounces = dtype == DType::f32 ? 1 : 0;
+      for (const double value : render_on_device(device, scene, info, options)) {
+        ASSERT_TRUE(std::isfinite(value));
+        ASSERT_GE(value, 0);
+      }
+      for (const double value : render_on_reference(scene, info, options)) {
+        ASSERT_TRUE(std::isfinite(value) && value >= 0);
+      }
     }
-    for (const double value : render_on_reference(surface, info, render_options(2))) {
-      ASSERT_TRUE(std::isfinite(value) && value >= 0);
+  }
+}
+
+// A ray of a bounce begins and ends where rounding puts it, and what it meets may be far away: most
+// samples agree to their rounding, and the few others must not move the mean.
+TEST(RenderSurface, BouncesMatchTheReference) {
+  Device device("auto");
+  const BtfInfo info = render_info(17, 9, even_directions(4), even_directions(9));
+  for (const Surface& surface : {small_cloth(128), net(64), net(64, true)}) {
+    SurfaceRenderOptions options = render_options(1);
+    const std::vector<double> direct = render_on_device(device, surface, info, options);
+    options.bounces = 1;
+    const std::vector<double> values = render_on_device(device, surface, info, options);
+    const std::vector<double> expected = render_on_reference(surface, info, options);
+    double difference = 0, sum = 0, added = 0;
+    std::size_t far = 0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      EXPECT_GE(values[i], direct[i] * (1 - 4 * float_roundoff));
+      // At most 1/pi comes by way of another point.
+      EXPECT_LE(values[i], (direct[i] + 0.3183099) * (1 + 4 * float_roundoff));
+      difference += std::abs(values[i] - expected[i]);
+      sum += expected[i];
+      added += values[i] - direct[i];
+      if (std::abs(values[i] - expected[i]) > 1e-3) ++far;
+    }
+    EXPECT_GT(added, 0.01 * sum);
+    EXPECT_LT(difference, 0.01 * sum);
+    EXPECT_LT(static_cast<double>(far), 0.02 * static_cast<double>(values.size()));
+  }
+}
+
+TEST(RenderSurface, LayersMatchTheReference) {
+  for (const bool floor : {false, true}) {
+    const double exempt = expect_device_matches(
+        net(128, floor), render_info(33, 17, even_directions(7), even_directions(13)));
+    EXPECT_LT(exempt, 0.02);
+  }
+}
+
+TEST(RenderSurface, MasksMatchTheReference) {
+  Device device("auto");
+  const Surface surface = net(128);
+  BtfInfo info = render_info(24, 16, even_directions(7), even_directions(1));
+  BtfInfo expected = info;
+  render_surface_mask(device, surface, render_options(1), info);
+  render_surface_mask_reference(surface, render_options(1), expected);
+  ASSERT_EQ(info.mask.size(), 7u * 24 * 16);
+  ASSERT_EQ(info.mask_distance.size(), info.mask.size());
+  // A view ray in a thousand may turn out differently, and a texel has sixteen.
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < info.mask.size(); ++i) {
+    different += info.mask[i] != expected.mask[i] ||
+                 std::abs(info.mask_distance[i] - expected.mask_distance[i]) > 1e-6;
+  }
+  EXPECT_LT(static_cast<double>(different), 0.05 * static_cast<double>(info.mask.size()));
+  // No view meets a floor that has none.
+  render_surface_mask(device, small_cloth(), render_options(1), info);
+  EXPECT_TRUE(info.mask.empty());
+  EXPECT_TRUE(info.mask_distance.empty());
+}
+
+// What a ray may rely on when it leaves points out.
+TEST(RenderSurface, CeilingsBoundTheirBlocks) {
+  for (const std::size_t columns : {1u, 4u, 8u, 16u, 64u}) {
+    const std::size_t rows = 32;
+    Surface surface = make_flat_surface(columns, rows, 1, 1, 2);
+    Random random(3 + columns);
+    for (SurfaceLayer& layer : surface.layers) {
+      for (float& z : layer.elevation) z = static_cast<float>(random.uniform(-1, 1));
+    }
+    finish_surface(surface);
+    const std::vector<float> ceilings = surface_ceilings(surface);
+    const std::size_t side = std::size_t{1} << block_bits;
+    const std::size_t across = (columns + side - 1) / side;
+    ASSERT_EQ(ceilings.size(), across * ((rows + side - 1) / side));
+    for (std::size_t block = 0; block < ceilings.size(); ++block) {
+      float highest = -2;
+      const auto margin = static_cast<std::ptrdiff_t>(side) + 1;
+      const auto end = static_cast<std::ptrdiff_t>(side) + margin;
+      for (std::ptrdiff_t dy = -margin; dy < end; ++dy) {
+        for (std::ptrdiff_t dx = -margin; dx < end; ++dx) {
+          const auto wrap = [](std::size_t first, std::ptrdiff_t by, std::size_t size) {
+            const auto length = static_cast<std::ptrdiff_t>(size);
+            return static_cast<std::size_t>(
+                ((static_cast<std::ptrdiff_t>(first) + by) % length + length) % length);
+          };
+          const std::size_t i = wrap(block / across * side, dy, rows) * columns +
+                                wrap(block % across * side, dx, columns);
+          for (const SurfaceLayer& layer : surface.layers) {
+            highest = std::max(highest, layer.elevation[i]);
+          }
+        }
+      }
+      EXPECT_EQ(ceilings[block], highest) << columns << " " << block;
     }
   }
 }
 
 // The launchers write all of their output and nothing round it.
-void expect_confined(std::size_t width, std::size_t height, std::size_t light_count, DType dtype,
-                     std::size_t samples) {
+void expect_confined(const Surface& surface, std::size_t width, std::size_t height,
+                     std::size_t light_count, DType dtype, std::size_t samples,
+                     std::size_t bounces) {
   Device device("auto");
-  const Surface surface = small_cloth(32);
   const BtfInfo info = render_info(width, height, {direction_from_degrees(50, 33)},
                                    even_directions(light_count), dtype);
-  const SurfaceRenderOptions options = render_options(samples);
+  SurfaceRenderOptions options = render_options(samples);
+  options.bounces = bounces;
   const DeviceSurface tables(device, surface);
   // Where there are several rows: the lower rows, or a part of the second row.
   TexelBand band{0, height, 0, width};
   if (height > 1)
     band = width % 2 ? TexelBand{1, height - 1, 0, width} : TexelBand{1, 1, 3, width - 3};
   GuardedBuffer hits(device, band.texels() * samples * surface_hit_bytes, "hits");
-  const std::vector<float> packed = pack_surface_lights(surface, info, 0, light_count);
+  GuardedBuffer second(device, band.texels() * samples * surface_bounce_bytes, "bounces");
+  const std::vector<float> packed = pack_surface_lights(device, surface, info, 0, light_count);
   GuardedBuffer lights(device, std::span<const float>(packed), "lights");
   GuardedBuffer out(device, light_count * band.texels() * 3 * size_of(dtype), "out");
+  GuardedBuffer mask(device, width * height, "mask");
   launch_surface_hits(device, surface, tables, info, options, 0, band, hits.buffer());
+  if (bounces > 0) {
+    launch_surface_bounce(device, surface, tables, info, options, 0, band, hits.buffer(),
+                          second.buffer());
+  }
   launch_surface_shade(device, surface, tables, info, options, 0, band, hits.buffer(),
-                       lights.buffer(), light_count, out.buffer());
+                       second.buffer(), lights.buffer(), light_count, out.buffer());
+  launch_surface_mask(device, surface, tables, info, options, 0, width, height, mask.buffer());
   device.finish();
   EXPECT_TRUE(hits.intact());
+  EXPECT_TRUE(second.intact());
   EXPECT_TRUE(lights.intact());
   EXPECT_TRUE(out.intact());
+  EXPECT_TRUE(mask.intact());
   for (const float value : hits.values<float>()) ASSERT_TRUE(std::isfinite(value));
+  for (const std::uint8_t value : mask.values<std::uint8_t>()) ASSERT_LE(value, 1);
   // Compare with the whole image rendered the usual way.
   MemorySink sink(info);
   render_surface(device, surface, options, sink);
@@ -303,16 +420,23 @@ void expect_confined(std::size_t width, std::size_t height, std::size_t light_co
 }
 
 TEST(RenderSurface, WritesItsOutputOnly) {
+  const Surface cloth = small_cloth(32), holes = net(32);
   for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
-    expect_confined(1, 1, 1, dtype, 1);
-    expect_confined(7, 5, 8, dtype, 3);
-    expect_confined(33, 17, 9, dtype, 1);
-    expect_confined(16, 4, 15, dtype, 2);
+    expect_confined(cloth, 1, 1, 1, dtype, 1, 0);
+    expect_confined(cloth, 7, 5, 8, dtype, 3, 0);
+    expect_confined(cloth, 33, 17, 17, dtype, 1, 0);
+    expect_confined(cloth, 16, 4, 15, dtype, 2, 0);
   }
+  expect_confined(cloth, 16, 4, 16, DType::f32, 2, 1);
+  expect_confined(holes, 17, 3, 33, DType::f32, 2, 1);
 }
 
 TEST(RenderSurface, SmallForTheSimulator) {
-  for (const DType dtype : {DType::u8, DType::f16, DType::f32}) expect_confined(5, 3, 9, dtype, 2);
+  for (const DType dtype : {DType::u8, DType::f16, DType::f32}) {
+    expect_confined(small_cloth(32), 5, 3, 9, dtype, 2, 0);
+  }
+  expect_confined(net(16, true), 5, 3, 9, DType::f32, 1, 1);
+
 }
 
 }  // namespace

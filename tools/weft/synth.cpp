@@ -37,6 +37,7 @@ struct SynthOptions {
   std::string view_set = "ubo81";
   std::string light_set = "ubo81";
   std::size_t samples = 4;
+  std::size_t bounces = 0;
   std::string dtype = "f16";
   std::uint64_t seed = 0;
   std::optional<std::uint64_t> material_seed;
@@ -92,20 +93,28 @@ void run_synth(const SynthOptions& options) {
   info.shape = {info.view_directions.size(), info.light_directions.size(), size.height, size.width,
                 3};
   info.channel_names = {"R", "G", "B"};
-  info.source = fmt::format("weft synth --material {} --material-seed {} --samples {} --seed {}",
-                            material.name, material.seed(), options.samples, options.seed);
+  info.source =
+      fmt::format("weft synth --material {} --material-seed {} --samples {} --bounces {} --seed {}",
+                  material.name, material.seed(), options.samples, options.bounces, options.seed);
   SurfaceRenderOptions render;
   render.samples = options.samples;
   render.seed = options.seed;
+  render.bounces = options.bounces;
   render.tile_bytes = std::clamp<std::size_t>(options.device.memory / 8, 1, largest_tile);
 
   std::optional<Device> device;
   if (!options.device.reference()) device.emplace(options.device.device, options.device.profile);
+  const auto start = std::chrono::steady_clock::now();
+  const Surface surface = make_surface(material, size.width, size.height);
+  // The file says first what each view meets.
+  if (device) {
+    render_surface_mask(*device, surface, render, info);
+  } else {
+    render_surface_mask_reference(surface, render, info);
+  }
   const std::unique_ptr<TileSink> sink =
       npy ? create_npy_btf(options.output, info) : create_raw_btf(options.output, info);
 
-  const auto start = std::chrono::steady_clock::now();
-  const Surface surface = make_surface(material, size.width, size.height);
   Progress progress(options.report, "synth", info.shape.images());
   render.progress = [&progress](std::size_t done) { progress.update(done); };
   if (device) {
@@ -123,6 +132,7 @@ void run_synth(const SynthOptions& options) {
   report.add("material_seed", material.seed());
   add_btf_fields(report, info);
   report.add("samples", options.samples, "per texel");
+  report.add("bounces", options.bounces);
   report.add("seed", options.seed);
   report.add("device", device ? device->limits().name : std::string("reference"));
   report.add("file_size", bytes_cell(std::filesystem::file_size(options.output)));
@@ -160,6 +170,13 @@ void add_synth(CLI::App& program, Action& action) {
       ->add_option("--samples", options->samples,
                    "Jittered view rays per texel: more is slower and smoother")
       ->check(CLI::Range(1, 65536))
+      ->type_name("COUNT");
+  command
+      ->add_option(
+          "--bounces", options->bounces,
+          "1: adds the light that comes by way of one more point of the material, as far as "
+          "both reflect it diffusely")
+      ->check(CLI::Range(0, 1))
       ->type_name("COUNT");
   command->add_option("--dtype", options->dtype, "u8 (sRGB encoding), or f16 or f32 (linear light)")
       ->check(CLI::IsMember({"u8", "f16", "f32"}))

@@ -5,17 +5,16 @@
 #include <cstring>
 #include <optional>
 #include <span>
-#include <string>
 #include <utility>
 #include <vector>
 
+#include "weft/btf/mask_distance.hpp"
 #include "weft/error.hpp"
+#include "weft/ops/launch.hpp"
 
 namespace weft {
 namespace {
 
-// Lights of a work-item of surface_shade, one per lane.
-constexpr std::size_t lanes = 8;
 constexpr std::size_t values_per_light = 6;
 
 Vector3 unit(const Direction& d) {
@@ -26,20 +25,30 @@ float narrow(double value) {
   return static_cast<float>(value);
 }
 
-std::size_t round_up(std::size_t count, std::size_t multiple) {
-  return (count + multiple - 1) / multiple * multiple;
-}
-
 // Work-items differ in length, so a CPU device gets small groups to balance; a GPU full ones.
 std::size_t group_size(const Device& device) {
   const std::size_t wanted = device.limits().is_cpu ? 16 : 64;
   return std::min(wanted, device.limits().max_work_group);
 }
 
-std::string build_options(DType dtype) {
-  const int output = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;
-  return "-DOUTPUT=" + std::to_string(output) +
-         " -DVIEW_BISECTIONS=" + std::to_string(view_bisections);
+cl_kernel surface_kernel(Device& device, const DeviceSurface& tables, const BtfInfo& info,
+                         const SurfaceRenderOptions& options, const char* name) {
+  const int output = info.dtype == DType::u8 ? 0 : info.dtype == DType::f16 ? 1 : 2;
+  return device.kernel(
+      kernel_sources::render_surface,
+      fmt::format("{} -DOUTPUT={} -DBOUNCES={}", tables.build_options(), output, options.bounces),
+      name);
+}
+
+// Cells per length, columns and rows.
+std::array<double, 2> cells_per_length(const Surface& surface) {
+  return {static_cast<double>(surface.columns) / surface.width,
+          static_cast<double>(surface.rows) / surface.depth};
+}
+
+// Bytes of what is known of a texel before it is shaded.
+std::size_t record_bytes(const SurfaceRenderOptions& options) {
+  return options.samples * (surface_hit_bytes + (options.bounces > 0 ? surface_bounce_bytes : 0));
 }
 
 // How a render is cut: runs of lights of one view, and bands of texels within them.
@@ -54,9 +63,10 @@ Cut plan(const Device& device, const BtfInfo& info, const SurfaceRenderOptions& 
   Cut cut;
   cut.lights = std::clamp<std::size_t>(options.tile_bytes / info.image_bytes(), 1, shape.lights);
   // Whole chunks of lights waste no lanes.
+  const std::size_t lanes = ops::vector_width(device);
   if (cut.lights < shape.lights && cut.lights > lanes) cut.lights -= cut.lights % lanes;
   const std::size_t allocation = device.limits().largest_allocation;
-  const std::size_t hit_bytes = options.samples * surface_hit_bytes;
+  const std::size_t hit_bytes = record_bytes(options);
   const std::size_t out_bytes = cut.lights * 3 * size_of(info.dtype);
   if (hit_bytes > allocation || out_bytes > allocation) {
     fail_input(
@@ -89,61 +99,62 @@ void place_band(std::span<const std::byte> values, const TexelBand& band, const 
 
 }  // namespace
 
-DeviceSurface::DeviceSurface(Device& device, const Surface& surface) {
-  static_assert(sizeof(SurfaceSample) == 4 * sizeof(float), "read as float4");
-  static_assert(sizeof(SurfaceColor) == 4 * sizeof(float), "read as float4");
-  elevation_ = Buffer(device, surface.layers[0].elevation.size() * sizeof(float), "elevations");
-  shape_ = Buffer(device, surface.layers[0].samples.size() * sizeof(SurfaceSample),
-                  "normals and fibres");
-  color_ = Buffer(device, surface.layers[0].colors.size() * sizeof(SurfaceColor), "colours");
-  device.write(elevation_, std::span<const float>(surface.layers[0].elevation));
-  device.write(shape_, std::span<const SurfaceSample>(surface.layers[0].samples));
-  device.write(color_, std::span<const SurfaceColor>(surface.layers[0].colors));
-  std::vector<float> lobes;
-  for (const GlossyLobe& lobe : surface.lobes) {
-    lobes.insert(lobes.end(), {lobe.f0[0], lobe.f0[1], lobe.f0[2], lobe.f90, lobe.alpha_along,
-                               lobe.alpha_across, 0, 0});
-  }
-  lobes_ = Buffer(device, lobes.size() * sizeof(float), "lobes");
-  device.write(lobes_, std::span<const float>(lobes));
-}
-
 void launch_surface_hits(Device& device, const Surface& surface, const DeviceSurface& tables,
                          const BtfInfo& info, const SurfaceRenderOptions& options, std::size_t view,
                          TexelBand band, Buffer& hits) {
   const ViewMarch march = march_of_view(surface, info.view_directions[view]);
   const BtfShape& shape = info.shape;
+  const auto [cells_x, cells_y] = cells_per_length(surface);
   const double columns_per_texel =
       static_cast<double>(surface.columns) / static_cast<double>(shape.width);
   const double rows_per_texel =
       static_cast<double>(surface.rows) / static_cast<double>(shape.height);
-  cl_kernel kernel =
-      device.kernel(kernel_sources::render_surface, build_options(info.dtype), "surface_hits");
-  set_arguments(kernel, tables.elevation(), tables.shape(), tables.color(),
+  cl_kernel kernel = surface_kernel(device, tables, info, options, "surface_hits");
+  set_arguments(kernel, tables.heights(), tables.ceilings(), tables.shape(), tables.color(),
                 static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
-                static_cast<cl_ulong>(shape.width), static_cast<cl_ulong>(shape.height),
-                narrow(columns_per_texel), narrow(rows_per_texel),
-                static_cast<cl_ulong>(band.first_column), static_cast<cl_ulong>(band.columns),
-                static_cast<cl_ulong>(band.first_row), static_cast<cl_ulong>(band.rows),
+                surface.lowest, surface.highest, narrow(cells_x), narrow(cells_y),
+                narrow(shadow_bias(surface)), ops::ulong(shape.width), ops::ulong(shape.height),
+                narrow(columns_per_texel), narrow(rows_per_texel), ops::ulong(band.first_column),
+                ops::ulong(band.columns), ops::ulong(band.first_row), ops::ulong(band.rows),
                 static_cast<cl_uint>(options.samples), view_key(options.seed, view),
                 narrow(march.start_x), narrow(march.start_y), narrow(march.start_z),
                 narrow(march.step_x), narrow(march.step_y), narrow(march.step_z),
                 static_cast<cl_uint>(march.steps), hits);
   const std::array<std::size_t, 3> local = {group_size(device), 1, 1};
-  const std::array<std::size_t, 3> global = {round_up(band.columns, local[0]), band.rows,
+  const std::array<std::size_t, 3> global = {ops::round_up(band.columns, local[0]), band.rows,
                                              options.samples};
   device.launch(kernel, global, local);
 }
 
-std::vector<float> pack_surface_lights(const Surface& surface, const BtfInfo& info,
-                                       std::size_t first, std::size_t count) {
-  const std::size_t chunks = (count + lanes - 1) / lanes;
+void launch_surface_bounce(Device& device, const Surface& surface, const DeviceSurface& tables,
+                           const BtfInfo& info, const SurfaceRenderOptions& options,
+                           std::size_t view, TexelBand band, const Buffer& hits, Buffer& bounces) {
+  const auto [cells_x, cells_y] = cells_per_length(surface);
+  const double range = static_cast<double>(surface.highest) - surface.lowest;
+  cl_kernel kernel = surface_kernel(device, tables, info, options, "surface_bounce");
+  set_arguments(kernel, tables.heights(), tables.ceilings(), tables.shape(), tables.color(),
+                static_cast<cl_uint>(surface.columns), static_cast<cl_uint>(surface.rows),
+                surface.lowest, surface.highest, narrow(cells_x), narrow(cells_y),
+                narrow(shadow_bias(surface)), ops::ulong(info.shape.width),
+                ops::ulong(band.first_column), ops::ulong(band.columns), ops::ulong(band.first_row),
+                ops::ulong(band.rows), static_cast<cl_uint>(options.samples),
+                view_key(options.seed, view), narrow(1 / (1 + 2 * range)),
+                static_cast<cl_uint>(bounce_reach(surface)), hits, bounces);
+  const std::array<std::size_t, 3> local = {group_size(device), 1, 1};
+  const std::array<std::size_t, 3> global = {ops::round_up(band.columns, local[0]), band.rows,
+                                             options.samples};
+  device.launch(kernel, global, local);
+}
+
+std::vector<float> pack_surface_lights(const Device& device, const Surface& surface,
+                                       const BtfInfo& info, std::size_t first, std::size_t count) {
+  const std::size_t lanes = ops::vector_width(device);
+  const std::size_t chunks = ops::ceil_div(count, lanes);
   std::vector<float> packed(chunks * values_per_light * lanes);
   for (std::size_t i = 0; i < chunks * lanes; ++i) {
     // Lanes left over repeat the last light; what they yield is not stored.
-    const Direction& direction = info.light_directions[first + std::min(i, count - 1)];
-    const Vector3 light = unit(direction);
-    const LightMarch march = march_of_light(surface, direction);
+    const Vector3 light = unit(info.light_directions[first + std::min(i, count - 1)]);
+    const StepMarch march = march_along(surface, light);
     const std::array<double, values_per_light> values = {light[0],     light[1],     light[2],
                                                          march.step_x, march.step_y, march.step_z};
     for (std::size_t k = 0; k < values_per_light; ++k) {
@@ -156,19 +167,64 @@ std::vector<float> pack_surface_lights(const Surface& surface, const BtfInfo& in
 void launch_surface_shade(Device& device, const Surface& surface, const DeviceSurface& tables,
                           const BtfInfo& info, const SurfaceRenderOptions& options,
                           std::size_t view, TexelBand band, const Buffer& hits,
-                          const Buffer& lights, std::size_t light_count, Buffer& out) {
+                          const Buffer& bounces, const Buffer& lights, std::size_t light_count,
+                          Buffer& out) {
   const Vector3 to_view = unit(info.view_directions[view]);
-  cl_kernel kernel =
-      device.kernel(kernel_sources::render_surface, build_options(info.dtype), "surface_shade");
-  set_arguments(kernel, tables.elevation(), static_cast<cl_uint>(surface.columns),
-                static_cast<cl_uint>(surface.rows), surface.highest, narrow(shadow_bias(surface)),
-                hits, tables.lobes(), lights, static_cast<cl_ulong>(light_count),
-                narrow(to_view[0]), narrow(to_view[1]), narrow(to_view[2]),
-                static_cast<cl_ulong>(band.texels()), static_cast<cl_uint>(options.samples), out);
+  cl_kernel kernel = surface_kernel(device, tables, info, options, "surface_shade");
+  const auto set = [&](const auto&... records) {
+    set_arguments(
+        kernel, tables.heights(), tables.ceilings(), static_cast<cl_uint>(surface.columns),
+        static_cast<cl_uint>(surface.rows), surface.lowest, surface.highest, records...,
+        tables.lobes(), lights, ops::ulong(light_count), narrow(to_view[0]), narrow(to_view[1]),
+        narrow(to_view[2]), ops::ulong(band.texels()), static_cast<cl_uint>(options.samples), out);
+  };
+  if (options.bounces > 0) {
+    set(hits, bounces);
+  } else {
+    set(hits);
+  }
   const std::array<std::size_t, 2> local = {group_size(device), 1};
-  const std::array<std::size_t, 2> global = {round_up(band.texels(), local[0]),
-                                             (light_count + lanes - 1) / lanes};
+  const std::array<std::size_t, 2> global = {ops::round_up(band.texels(), local[0]),
+                                             ops::ceil_div(light_count, ops::vector_width(device))};
   device.launch(kernel, global, local);
+}
+
+void launch_surface_mask(Device& device, const Surface& surface, const DeviceSurface& tables,
+                         const BtfInfo& info, const SurfaceRenderOptions& options, std::size_t view,
+                         std::size_t width, std::size_t height, Buffer& mask) {
+  const ViewMarch march = march_of_view(surface, info.view_directions[view]);
+  cl_kernel kernel = surface_kernel(device, tables, info, options, "surface_mask");
+  set_arguments(kernel, tables.heights(), tables.ceilings(), static_cast<cl_uint>(surface.columns),
+                static_cast<cl_uint>(surface.rows), surface.lowest, surface.highest,
+                ops::ulong(width), ops::ulong(height),
+                narrow(static_cast<double>(surface.columns) / static_cast<double>(width)),
+                narrow(static_cast<double>(surface.rows) / static_cast<double>(height)),
+                view_key(options.seed, view), narrow(march.start_x), narrow(march.start_y),
+                narrow(march.start_z), narrow(march.step_x), narrow(march.step_y),
+                narrow(march.step_z), static_cast<cl_uint>(march.steps), mask);
+  const std::array<std::size_t, 2> local = {group_size(device), 1};
+  const std::array<std::size_t, 2> global = {ops::round_up(width, local[0]), height};
+  device.launch(kernel, global, local);
+}
+
+void render_surface_mask(Device& device, const Surface& surface,
+                         const SurfaceRenderOptions& options, BtfInfo& info) {
+  validate(surface, info, options);
+  info.mask.clear();
+  info.mask_distance.clear();
+  if (!may_have_holes(surface)) return;
+  const std::size_t width = mask_parts * info.shape.width;
+  const std::size_t height = mask_parts * info.shape.height;
+  const DeviceSurface tables(device, surface);
+  Buffer mask(device, width * height, "mask");
+  std::vector<std::uint8_t> fine(width * height);
+  for (std::size_t view = 0; view < info.shape.views; ++view) {
+    check_interrupt();
+    launch_surface_mask(device, surface, tables, info, options, view, width, height, mask);
+    device.read(mask, std::span<std::uint8_t>(fine));
+    add_view_mask(fine, mask_parts, info);
+  }
+  normalize_distances(info.mask_distance);
 }
 
 void render_surface(Device& device, const Surface& surface, const SurfaceRenderOptions& options,
@@ -182,8 +238,17 @@ void render_surface(Device& device, const Surface& surface, const SurfaceRenderO
   const DeviceSurface tables(device, surface);
   Buffer hits(device, cut.rows * cut.columns * options.samples * surface_hit_bytes,
               "view rays' hits");
+  // Of the least size where nothing bounces.
+  Buffer bounces(device,
+                 options.bounces > 0
+                     ? cut.rows * cut.columns * options.samples * surface_bounce_bytes
+                     : surface_bounce_bytes,
+                 "bounced rays' hits");
   Buffer out(device, cut.lights * cut.rows * cut.columns * texel_bytes, "rendered texels");
-  Buffer lights(device, round_up(cut.lights, lanes) * values_per_light * sizeof(float), "lights");
+  Buffer lights(
+      device,
+      ops::round_up(cut.lights, ops::vector_width(device)) * values_per_light * sizeof(float),
+      "lights");
 
   std::vector<std::byte> done(cut.lights * info.image_bytes()), next(done.size());
   std::vector<std::byte> band_values(cut.lights * cut.rows * cut.columns * texel_bytes);
@@ -213,7 +278,7 @@ void render_surface(Device& device, const Surface& surface, const SurfaceRenderO
     for (std::size_t first = 0; first < shape.lights; first += cut.lights) {
       const std::size_t count = std::min(cut.lights, shape.lights - first);
       if (packed_first != first || packed_count != count) {
-        const std::vector<float> packed = pack_surface_lights(surface, info, first, count);
+        const std::vector<float> packed = pack_surface_lights(device, surface, info, first, count);
         device.write(lights, std::span<const float>(packed));
         packed_first = first;
         packed_count = count;
@@ -222,10 +287,14 @@ void render_surface(Device& device, const Surface& surface, const SurfaceRenderO
         check_interrupt();
         if (traced != band) {
           launch_surface_hits(device, surface, tables, info, options, view, band, hits);
+          if (options.bounces > 0) {
+            launch_surface_bounce(device, surface, tables, info, options, view, band, hits,
+                                  bounces);
+          }
           traced = band;
         }
-        launch_surface_shade(device, surface, tables, info, options, view, band, hits, lights,
-                             count, out);
+        launch_surface_shade(device, surface, tables, info, options, view, band, hits, bounces,
+                             lights, count, out);
         device.flush();
         // While the device works, the run before is written.
         write_done();

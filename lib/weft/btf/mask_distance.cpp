@@ -100,6 +100,12 @@ ViewMask view_mask(std::span<const std::uint8_t> fine, std::size_t height, std::
   return view;
 }
 
+void add_view_mask(std::span<const std::uint8_t> fine, std::size_t factor, BtfInfo& info) {
+  const ViewMask view = view_mask(fine, info.shape.height, info.shape.width, factor);
+  info.mask.insert(info.mask.end(), view.mask.begin(), view.mask.end());
+  info.mask_distance.insert(info.mask_distance.end(), view.distance.begin(), view.distance.end());
+}
+
 void normalize_distances(std::span<float> distances) {
   float largest = 0;
   for (const float distance : distances) {

@@ -12,6 +12,8 @@
 #include <span>
 #include <vector>
 
+#include "weft/btf/btf.hpp"
+
 namespace weft {
 
 // For every texel of a binary mask [height][width] the distance, in texels, of its centre to the
@@ -32,6 +34,9 @@ struct ViewMask {
 // Of a mask that is `factor` times finer in both directions, [factor height][factor width].
 ViewMask view_mask(std::span<const std::uint8_t> fine, std::size_t height, std::size_t width,
                    std::size_t factor);
+
+// Appends the mask and the distances of the next view to those of `info`.
+void add_view_mask(std::span<const std::uint8_t> fine, std::size_t factor, BtfInfo& info);
 
 // Divides distances by their largest finite magnitude, for all views at once, and puts infinite
 // ones at +1 and -1: everything then lies in [-1, 1] on one scale.

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <limits>
+#include <numbers>
 #include <span>
 #include <vector>
 
+#include "weft/btf/mask_distance.hpp"
 #include "weft/error.hpp"
 #include "weft/tensor/half.hpp"
 
@@ -17,95 +18,6 @@ constexpr std::size_t most_samples = 65536;
 
 Vector3 unit(const Direction& d) {
   return normalized({d[0], d[1], d[2]});
-}
-
-// A bilinear look-up: four samples and their weights.
-struct Patch {
-  std::array<std::size_t, 4> index;
-  std::array<double, 4> weight;
-};
-
-Patch patch_at(const Surface& surface, double x, double y) {
-  const double column = std::floor(x), row = std::floor(y);
-  const double fx = x - column, fy = y - row;
-  // The sizes are powers of two: masking wraps negative numbers as well.
-  const auto wrap = [](double cell, std::size_t size) {
-    return static_cast<std::size_t>(static_cast<std::int64_t>(cell)) & (size - 1);
-  };
-  const std::size_t c0 = wrap(column, surface.columns), c1 = (c0 + 1) & (surface.columns - 1);
-  const std::size_t r0 = wrap(row, surface.rows), r1 = (r0 + 1) & (surface.rows - 1);
-  const std::size_t low = r0 * surface.columns, high = r1 * surface.columns;
-  return {{low + c0, low + c1, high + c0, high + c1},
-          {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy}};
-}
-
-double elevation_at(const Surface& surface, double x, double y) {
-  const Patch patch = patch_at(surface, x, y);
-  double z = 0;
-  for (std::size_t i = 0; i < 4; ++i)
-    z += patch.weight[i] * surface.layers[0].elevation[patch.index[i]];
-  return z;
-}
-
-struct Hit {
-  double x = 0, y = 0, z = 0;
-  double margin = std::numeric_limits<double>::infinity();
-};
-
-// The first meeting of a view ray with the surface. (x, y): its point of the reference plane.
-Hit trace_view(const Surface& surface, const ViewMarch& march, double x, double y) {
-  const auto px = [&](double k) { return x + march.start_x + k * march.step_x; };
-  const auto py = [&](double k) { return y + march.start_y + k * march.step_y; };
-  const auto above = [&](double k) {
-    return march.start_z + k * march.step_z - elevation_at(surface, px(k), py(k));
-  };
-  Hit hit;
-  // March until below the surface. The last point lies at the lowest elevation, so it is.
-  double high = 0, above_high = above(0);
-  double low = 0, above_low = 0;
-  for (std::size_t k = 1; k <= march.steps; ++k) {
-    low = static_cast<double>(k);
-    above_low = above(low);
-    if (k == march.steps) {
-      above_low = std::min(above_low, 0.0);
-    } else {
-      hit.margin = std::min(hit.margin, std::abs(above_low));
-    }
-    if (above_low <= 0) break;
-    high = low;
-    above_high = above_low;
-  }
-  // Halve the step, then take the chord.
-  for (int i = 0; i < view_bisections; ++i) {
-    const double middle = 0.5 * (high + low);
-    const double above_middle = above(middle);
-    if (above_middle > 0) {
-      high = middle;
-      above_high = above_middle;
-    } else {
-      low = middle;
-      above_low = above_middle;
-    }
-  }
-  const double drop = above_high - above_low;
-  const double k = drop > 0 ? high + (low - high) * (above_high / drop) : high;
-  hit.x = px(k);
-  hit.y = py(k);
-  hit.z = elevation_at(surface, hit.x, hit.y);
-  return hit;
-}
-
-// Whether the light reaches a point of the surface.
-bool is_lit(const Surface& surface, const LightMarch& march, Hit& hit) {
-  const double z0 = hit.z + shadow_bias(surface);
-  for (double k = 1;; ++k) {
-    const double z = z0 + k * march.step_z;
-    if (z >= surface.highest) return true;
-    const double above =
-        z - elevation_at(surface, hit.x + k * march.step_x, hit.y + k * march.step_y);
-    hit.margin = std::min(hit.margin, std::abs(above));
-    if (above < 0) return false;
-  }
 }
 
 std::uint32_t mix(std::uint32_t h) {
@@ -121,6 +33,16 @@ std::uint32_t high_word(std::uint64_t value) {
   return static_cast<std::uint32_t>(value >> 32);
 }
 
+// The texel's own part of the hash.
+std::uint32_t texel_key(std::uint64_t seed, std::size_t view, std::size_t texel) {
+  return mix(view_key(seed, view) ^ mix(low_word(texel) ^ mix(high_word(texel))));
+}
+
+// The `sample`-th member of a Kronecker sequence that a key shifts.
+double sequence(std::uint32_t key, std::size_t sample, std::uint32_t step) {
+  return ((mix(key) + static_cast<std::uint32_t>(sample) * step) >> 8) * 0x1p-24;
+}
+
 // What a hit shows; the same for all lights.
 struct HitSurface {
   ShadingFrame frame;
@@ -128,31 +50,74 @@ struct HitSurface {
   GlossyLobe lobe;
 };
 
-HitSurface surface_at(const Surface& surface, const Hit& hit) {
-  const Patch patch = patch_at(surface, hit.x, hit.y);
+// Unit normal of an underside, which points down: from its central differences, interpolated.
+Vector3 underside_normal(const Surface& surface, const std::vector<float>& z, double x, double y) {
+  const double per_x = 0.5 * static_cast<double>(surface.columns) / surface.width;
+  const double per_y = 0.5 * static_cast<double>(surface.rows) / surface.depth;
+  return normalized({per_x * (height_at(surface, z, x + 1, y) - height_at(surface, z, x - 1, y)),
+                     per_y * (height_at(surface, z, x, y + 1) - height_at(surface, z, x, y - 1)),
+                     -1});
+}
+
+HitSurface surface_at(const Surface& surface, const SurfaceHit& hit) {
+  const SurfaceLayer& layer = surface.layers[hit.layer];
+  const SurfacePatch patch = patch_at(surface, hit.x, hit.y);
   double nx = 0, ny = 0, fx = 0, fy = 0;
   std::array<double, 3> albedo{};
   for (std::size_t i = 0; i < 4; ++i) {
-    const SurfaceSample& sample = surface.layers[0].samples[patch.index[i]];
+    const SurfaceSample& sample = layer.samples[patch.index[i]];
     const double weight = patch.weight[i];
     nx += weight * sample.normal_x;
     ny += weight * sample.normal_y;
     fx += weight * sample.fibre_x;
     fy += weight * sample.fibre_y;
-    const SurfaceColor& color = surface.layers[0].colors[patch.index[i]];
+    const SurfaceColor& color = layer.colors[patch.index[i]];
     for (std::size_t c = 0; c < 3; ++c) albedo[c] += weight * color.albedo[c];
   }
   // The lobe is that of the nearest sample.
   const std::size_t nearest =
       (hit.x - std::floor(hit.x) >= 0.5 ? 1u : 0u) + (hit.y - std::floor(hit.y) >= 0.5 ? 2u : 0u);
-  const float lobe = surface.layers[0].colors[patch.index[nearest]].lobe;
-  const double nz = std::sqrt(std::max(1 - nx * nx - ny * ny, 1e-4));
+  const float lobe = layer.colors[patch.index[nearest]].lobe;
+  const Vector3 normal =
+      hit.under ? underside_normal(surface, layer.underside, hit.x, hit.y)
+                : normalized({nx, ny, std::sqrt(std::max(1 - nx * nx - ny * ny, 1e-4))});
   // Fibres of crossing yarns may cancel each other between two samples.
   const double length = std::sqrt(std::max(fx * fx + fy * fy, 1e-8));
   return {
-      make_frame(normalized({nx, ny, nz}), {fx / length, fy / length, 0}),
+      make_frame(normal, {fx / length, fy / length, 0}),
       {static_cast<float>(albedo[0]), static_cast<float>(albedo[1]), static_cast<float>(albedo[2])},
       surface.lobes[static_cast<std::size_t>(lobe)]};
+}
+
+// The direction with density cos/pi round a normal that a point of the unit square stands for, in
+// the frame of Duff et al., "Building an orthonormal basis, revisited" (2017).
+Vector3 cosine_direction(const Vector3& n, const std::array<double, 2>& square) {
+  const double sign = n[2] >= 0 ? 1 : -1;
+  const double a = -1 / (sign + n[2]), b = n[0] * n[1] * a;
+  const double angle = 2 * std::numbers::pi * square[1];
+  const double p = std::sqrt(square[0]) * std::cos(angle);
+  const double q = std::sqrt(square[0]) * std::sin(angle);
+  const double r = std::sqrt(1 - square[0]);
+  return {p * (1 + sign * n[0] * n[0] * a) + q * b + r * n[0],
+          p * sign * b + q * (sign + n[1] * n[1] * a) + r * n[1],
+          -p * sign * n[0] - q * n[1] + r * n[2]};
+}
+
+// What comes to a hit by way of one more point, and is reflected diffusely at both.
+Vector3 bounced(const Surface& surface, const SurfaceHit& hit, const HitSurface& shown,
+                const Vector3& light, const std::array<double, 2>& square, double& margin) {
+  const Vector3 away = cosine_direction(shown.frame.normal, square);
+  const SurfaceHit second = trace_from(surface, hit, away, margin);
+  if (!second.met) return {};
+  const HitSurface there = surface_at(surface, second);
+  if (dot(there.frame.normal, away) >= 0) return {};
+  const double cosine = dot(there.frame.normal, light);
+  if (cosine <= 0 || !is_lit(surface, march_along(surface, light), second, margin)) return {};
+  Vector3 radiance;
+  for (std::size_t c = 0; c < 3; ++c) {
+    radiance[c] = shown.albedo[c] * there.albedo[c] * std::numbers::inv_pi * cosine;
+  }
+  return radiance;
 }
 
 double srgb_encoded(double x) {
@@ -185,39 +150,6 @@ void check_directions(const std::vector<Direction>& directions, const char* fiel
 
 }  // namespace
 
-ViewMarch march_of_view(const Surface& surface, const Direction& view) {
-  const Vector3 v = unit(view);
-  const double cells_x = v[0] * static_cast<double>(surface.columns) / surface.width;
-  const double cells_y = v[1] * static_cast<double>(surface.rows) / surface.depth;
-  const double up = (static_cast<double>(surface.highest) - surface.reference) / v[2];
-  const double range = static_cast<double>(surface.highest) - surface.lowest;
-  const double length = range / v[2];
-  const double cells = std::ceil(length * std::max(std::abs(cells_x), std::abs(cells_y)));
-  const double steps = std::max(1.0, cells);
-  return {cells_x * up,
-          cells_y * up,
-          surface.highest,
-          -cells_x * length / steps,
-          -cells_y * length / steps,
-          -range / steps,
-          static_cast<std::size_t>(steps)};
-}
-
-LightMarch march_of_light(const Surface& surface, const Direction& light) {
-  const Vector3 l = unit(light);
-  const double cells_x = l[0] * static_cast<double>(surface.columns) / surface.width;
-  const double cells_y = l[1] * static_cast<double>(surface.rows) / surface.depth;
-  // Under a light at the zenith the first step passes over everything there is.
-  const double range = static_cast<double>(surface.highest) - surface.lowest;
-  const double length = 1 / std::max({std::abs(cells_x), std::abs(cells_y), 1 / (1 + 2 * range)});
-  return {cells_x * length, cells_y * length, l[2] * length};
-}
-
-double shadow_bias(const Surface& surface) {
-  return 0.25 * std::min(surface.width / static_cast<double>(surface.columns),
-                         surface.depth / static_cast<double>(surface.rows));
-}
-
 std::uint32_t view_key(std::uint64_t seed, std::size_t view) {
   return mix(low_word(seed) ^
              mix(high_word(seed) ^ mix(low_word(view) ^ mix(high_word(view) ^ 0x9e3779b9u))));
@@ -226,32 +158,40 @@ std::uint32_t view_key(std::uint64_t seed, std::size_t view) {
 std::array<double, 2> sample_offset(std::uint64_t seed, std::size_t view, std::size_t texel,
                                     std::size_t sample) {
   // A two-dimensional Kronecker sequence (the plastic number's), shifted by a hash per texel.
-  const std::uint32_t key =
-      mix(view_key(seed, view) ^ mix(low_word(texel) ^ mix(high_word(texel))));
-  const auto s = static_cast<std::uint32_t>(sample);
-  const std::uint32_t u = mix(key ^ 0x68bc21ebu) + s * 3242174889u;
-  const std::uint32_t v = mix(key ^ 0x02e5be93u) + s * 2447445414u;
-  return {(u >> 8) * 0x1p-24, (v >> 8) * 0x1p-24};
+  const std::uint32_t key = texel_key(seed, view, texel);
+  return {sequence(key ^ 0x68bc21ebu, sample, 3242174889u),
+          sequence(key ^ 0x02e5be93u, sample, 2447445414u)};
+}
+
+std::array<double, 2> bounce_offset(std::uint64_t seed, std::size_t view, std::size_t texel,
+                                    std::size_t sample) {
+  // Two more dimensions, with the powers of the root of x^5 = x + 1.
+  const std::uint32_t key = texel_key(seed, view, texel);
+  return {sequence(key ^ 0x5851f42du, sample, 2700274807u),
+          sequence(key ^ 0x14057b7eu, sample, 2313257605u)};
 }
 
 TracedSample trace_sample(const Surface& surface, const Direction& view, const Direction& light,
-                          double x, double y) {
-  Hit hit = trace_view(surface, march_of_view(surface, view), x, y);
-  const HitSurface shown = surface_at(surface, hit);
+                          double x, double y, const std::optional<std::array<double, 2>>& bounce) {
   TracedSample sample;
+  const SurfaceHit hit = trace_view(surface, march_of_view(surface, view), x, y, sample.margin);
+  if (!hit.met) return sample;
+  sample.met = true;
+  const HitSurface shown = surface_at(surface, hit);
   const Vector3 l = unit(light);
-  if (dot(shown.frame.normal, l) > 0 && is_lit(surface, march_of_light(surface, light), hit)) {
+  if (dot(shown.frame.normal, l) > 0 &&
+      is_lit(surface, march_along(surface, l), hit, sample.margin)) {
     sample.radiance = reflected(shown.frame, shown.albedo, shown.lobe, unit(view), l);
   }
-  sample.margin = hit.margin;
+  if (bounce) {
+    const Vector3 more = bounced(surface, hit, shown, l, *bounce, sample.margin);
+    for (std::size_t c = 0; c < 3; ++c) sample.radiance[c] += more[c];
+  }
   return sample;
 }
 
 void validate(const Surface& surface, const BtfInfo& info, const SurfaceRenderOptions& options) {
   validate(surface);
-  if (surface.layers.size() != 1 || !surface.layers[0].underside.empty()) {
-    fail_input("surface: only one solid layer can be rendered");
-  }
   if (info.layout != Layout::grid)
     fail_input("surface: layout is {}, not grid", name_of(info.layout));
   if (info.quantity != Quantity::radiance) {
@@ -268,8 +208,37 @@ void validate(const Surface& surface, const BtfInfo& info, const SurfaceRenderOp
   if (options.samples < 1 || options.samples > most_samples) {
     fail_input("surface: samples is {}, not from 1 to {}", options.samples, most_samples);
   }
+  if (options.bounces > 1) fail_input("surface: bounces is {}, not 0 or 1", options.bounces);
   check_directions(info.view_directions, "view direction");
   check_directions(info.light_directions, "light direction");
+}
+
+void render_surface_mask_reference(const Surface& surface, const SurfaceRenderOptions& options,
+                                   BtfInfo& info) {
+  validate(surface, info, options);
+  info.mask.clear();
+  info.mask_distance.clear();
+  if (!may_have_holes(surface)) return;
+  const std::size_t width = mask_parts * info.shape.width;
+  const std::size_t height = mask_parts * info.shape.height;
+  const double columns_per_part = static_cast<double>(surface.columns) / static_cast<double>(width);
+  const double rows_per_part = static_cast<double>(surface.rows) / static_cast<double>(height);
+  std::vector<std::uint8_t> fine(width * height);
+  for (std::size_t view = 0; view < info.shape.views; ++view) {
+    check_interrupt();
+    const ViewMarch march = march_of_view(surface, info.view_directions[view]);
+    for (std::size_t part = 0; part < fine.size(); ++part) {
+      const auto [u, v] = sample_offset(options.seed, view, part, 0);
+      const auto column = static_cast<double>(part % width);
+      const auto top = static_cast<double>(height - part / width);
+      double margin = widest_margin;
+      const SurfaceHit hit = trace_view(surface, march, (column + u) * columns_per_part,
+                                        (top - v) * rows_per_part, margin);
+      fine[part] = hit.met ? 1 : 0;
+    }
+    add_view_mask(fine, mask_parts, info);
+  }
+  normalize_distances(info.mask_distance);
 }
 
 void render_surface_reference(const Surface& surface, const SurfaceRenderOptions& options,
@@ -296,9 +265,11 @@ void render_surface_reference(const Surface& surface, const SurfaceRenderOptions
       Vector3 sum{};
       for (std::size_t s = 0; s < options.samples; ++s) {
         const auto [u, v] = sample_offset(options.seed, view, texel, s);
+        std::optional<std::array<double, 2>> bounce;
+        if (options.bounces > 0) bounce = bounce_offset(options.seed, view, texel, s);
         const TracedSample sample =
             trace_sample(surface, to_view, to_light, (column + u) * columns_per_texel,
-                         (top - v) * rows_per_texel);
+                         (top - v) * rows_per_texel, bounce);
         for (std::size_t c = 0; c < 3; ++c) sum[c] += sample.radiance[c];
       }
       for (std::size_t c = 0; c < 3; ++c) {

@@ -46,14 +46,15 @@ Run shade(Device& device) {
   const auto scene = std::make_shared<Scene>(device);
   scene->trace(device);
   const std::size_t count = scene->info.shape.lights;
-  const std::vector<float> packed = pack_surface_lights(scene->surface, scene->info, 0, count);
+  const std::vector<float> packed =
+      pack_surface_lights(device, scene->surface, scene->info, 0, count);
   const auto directions = std::make_shared<Buffer>(device, packed.size() * sizeof(float), "lights");
   device.write(*directions, std::span<const float>(packed));
   const auto out = std::make_shared<Buffer>(
       device, count * side * side * 3 * size_of(scene->info.dtype), "images");
   return [=, &device] {
     launch_surface_shade(device, scene->surface, scene->tables, scene->info, scene->options, 1,
-                         scene->band, scene->records, *directions, count, *out);
+                         scene->band, scene->records, scene->records, *directions, count, *out);
   };
 }
 
