@@ -215,6 +215,40 @@ TEST(RayCaster, ConstantEnvironmentGivesPiTimesItsRadiance) {
   EXPECT_NEAR(mean, pi * 1.5, 5 * deviation);
 }
 
+// The points of a pixel share its samples: their mean varies less from pixel to pixel than means of
+// points that know nothing of each other would.
+TEST(RayCaster, PointsOfAPixelShareTheEnvironment) {
+  Scene scene = small_scene(make_plane({1, 1}));
+  scene.camera = camera_at_degrees(10, 0, 1);  // the plane fills the picture
+  scene.camera.width = scene.camera.height = 48;
+  scene.lights.clear();
+  scene.environment.map = constant_map(1);
+  constexpr std::size_t samples = 4, lights = 16;
+  scene.samples = samples;
+  scene.environment.samples = lights;
+  const RayCaster caster(scene);
+  const PixelBatch batch = cast_all(caster);
+  ASSERT_EQ(batch.points.size(), samples * caster.pixels());
+  double sum = 0, point_squares = 0, pixel_squares = 0;
+  for (std::size_t pixel = 0; pixel < caster.pixels(); ++pixel) {
+    double mean = 0;
+    for (std::size_t s = 0; s < samples; ++s) {
+      double irradiance = 0;
+      for (std::size_t k = 0; k < lights; ++k) {
+        const LightSample& light = batch.lights[(pixel * samples + s) * lights + k];
+        irradiance += double{light.irradiance[1]} * light.direction[2];
+      }
+      point_squares += irradiance * irradiance / samples;
+      mean += irradiance / samples;
+    }
+    sum += mean;
+    pixel_squares += mean * mean;
+  }
+  const auto n = static_cast<double>(caster.pixels());
+  const double square = sum / n * sum / n;
+  EXPECT_LT(pixel_squares / n - square, 0.6 * (point_squares / n - square) / samples);
+}
+
 // One bright texel is a directional light, wherever the map is turned.
 TEST(RayCaster, BrightTexelIsALight) {
   std::vector<float> texels(3 * 64 * 128);

@@ -81,13 +81,15 @@ Ray CameraRays::at(double x, double y) const {
   return {eye_, normalized(sum(forward_, sum(across, along)))};
 }
 
-std::array<double, 2> pixel_sample(std::size_t index, std::size_t count) {
-  // The radical inverse: the bits of the index behind the point, in reverse.
+double radical_inverse(std::size_t index) {
   double inverse = 0, place = 0.5;
-  for (std::size_t i = index; i != 0; i >>= 1, place /= 2)
-    inverse += place * static_cast<double>(i & 1);
+  for (; index != 0; index >>= 1, place /= 2) inverse += place * static_cast<double>(index & 1);
+  return inverse;
+}
+
+std::array<double, 2> pixel_sample(std::size_t index, std::size_t count) {
   return {(static_cast<double>(index) + 0.5) / static_cast<double>(count),
-          inverse + 0.5 / static_cast<double>(std::bit_ceil(count))};
+          radical_inverse(index) + 0.5 / static_cast<double>(std::bit_ceil(count))};
 }
 
 }  // namespace weft

@@ -42,6 +42,9 @@ class CameraRays {
   double center_x_, center_y_;
 };
 
+// The bits of the index behind the point, in reverse: in [0, 1), ever finer and evenly spread.
+double radical_inverse(std::size_t index);
+
 // Sample `index` of `count` in the unit square: the Hammersley points, moved so that one sample is
 // the centre. The same for every pixel, so that pictures of two materials compare.
 std::array<double, 2> pixel_sample(std::size_t index, std::size_t count);

@@ -86,12 +86,6 @@ double fraction(double x) {
   return f < 1 ? f : 0;
 }
 
-double radical_inverse(std::size_t index) {
-  double inverse = 0, place = 0.5;
-  for (; index != 0; index >>= 1, place /= 2) inverse += place * static_cast<double>(index & 1);
-  return inverse;
-}
-
 // Collects the light that arrives at one point.
 class PointLights {
  public:
@@ -105,11 +99,18 @@ class PointLights {
   }
 
   // The Hammersley points of the unit square, moved by a random offset round its edges for every
-  // point: each sample is evenly distributed, and all together are well spread.
-  void add_environment(std::uint64_t key, std::vector<LightSample>& lights) const {
+  // pixel: each sample is evenly distributed, and all together are well spread. The points of a
+  // pixel share the gaps between them, so that their mean is better than any of them.
+  void add_environment(std::size_t pixel, std::size_t point,
+                       std::vector<LightSample>& lights) const {
     const EnvironmentLight& light = scene_.environment;
     const Rotation rotation(light.rotation);
-    const double first = hash_unit(key), second = hash_unit(hash(key));
+    const std::uint64_t key = hash(hash(scene_.seed) ^ pixel);
+    const double first =
+        fraction(hash_unit(key) + static_cast<double>(point) / static_cast<double>(scene_.samples));
+    const double second =
+        hash_unit(hash(key)) +
+        radical_inverse(point) / static_cast<double>(std::bit_ceil(light.samples));
     const auto count = static_cast<double>(light.samples);
     for (std::size_t i = 0; i < light.samples; ++i) {
       const EnvironmentSample drawn =
@@ -206,8 +207,7 @@ void RayCaster::cast_pixel(std::size_t pixel, Section& section) const {
     const PointLights lights(scene_, *hit, frame);
     lights.add_directional(section.lights);
     if (scene_.environment.map) {
-      const std::uint64_t key = hash(hash(hash(scene_.seed) ^ pixel) ^ s);
-      lights.add_environment(key, section.lights);
+      lights.add_environment(pixel, s, section.lights);
     }
   }
   std::array<float, 4> rounded{};
