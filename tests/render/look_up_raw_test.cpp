@@ -12,7 +12,7 @@
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/shared_device.hpp"
-#include "weft/btf/mip.hpp"
+#include "weft/codecs/look_up.hpp"
 #include "weft/reference/lookup.hpp"
 #include "weft/render/raw_sampler.hpp"
 #include "weft/scene/shader.hpp"
@@ -190,6 +190,39 @@ TEST(LookUpRaw, NonFiniteValuesCountAsZero) {
     EXPECT_TRUE(all_equal(look_up(*samplers[0], {1, 1, 1}, 1, records),
                           std::vector<float>{0, 0, 0, 0x1p-24f}));
   }
+}
+
+// A user's look-ups give the same bits in any order and in batches of any size.
+TEST(Lookups, OrderAndMemoryChangeNothing) {
+  const BtfShape shape{5, 6, 7, 8, 3};
+  const LookupShape lookup{4, 3, 3};
+  const auto source = random_source(shape, DType::f16, Encoding::linear);
+  const auto images = source_images(shared_device(), source);
+  const auto plan = plan_raw_levels(shared_device(), *images, 0, 1, std::size_t{1} << 30);
+  const auto samplers = raw_samplers(shared_device(), images, 0, 1, plan);
+  const auto records = random_lookups(lookup, shape, 301);
+  const std::vector<float> expected = look_up(*samplers[0], lookup, 3, records);
+  std::vector<float> out(expected.size());
+  for (const LookupOrder order : {LookupOrder::as_given, LookupOrder::by_image}) {
+    for (const std::size_t memory : {std::size_t{20000}, std::size_t{1} << 30}) {
+      std::fill(out.begin(), out.end(), -1.0f);
+      Job job;
+      job.memory = memory;
+      look_up(shared_device(), *samplers[0], shape, lookup, records, order, out, job);
+      EXPECT_TRUE(all_equal(out, expected)) << memory;
+    }
+  }
+  Job job;
+  look_up(shared_device(), *samplers[0], shape, lookup, {}, LookupOrder::by_image, {}, job);
+  expect_error(ErrorKind::input, {"301", "902"}, [&] {
+    look_up(shared_device(), *samplers[0], shape, lookup, records, LookupOrder::as_given,
+            std::span(out).first(902), job);
+  });
+  auto hostile = records;
+  hostile[0] = 56;
+  expect_error(ErrorKind::input, {"look-up 0", "texel 56"}, [&] {
+    look_up(shared_device(), *samplers[0], shape, lookup, hostile, LookupOrder::as_given, out, job);
+  });
 }
 
 TEST(Lookups, HostileOnesAreRefused) {

@@ -1,7 +1,8 @@
 #include "weft/render/device_shader.hpp"
 
 #include <algorithm>
-#include <cstring>
+#include <array>
+#include <cstdint>
 #include <limits>
 #include <span>
 #include <utility>
@@ -70,19 +71,37 @@ class DeviceShader final : public Shader {
 
  private:
   using Entries = std::vector<std::vector<std::uint32_t>>;  // of each level
+  using Float4 = std::array<float, 4>;
+
+  // What is uploaded of a run; kept, so that its memory is.
+  struct HostTables {
+    std::vector<Float4> views, lights, irradiance;
+    std::vector<float> share, masks;
+    std::vector<std::uint32_t> first, point_of;
+    std::vector<TexelTaps> taps;
+
+    void clear() {
+      for (auto* list : {&views, &lights, &irradiance}) list->clear();
+      for (auto* list : {&share, &masks}) list->clear();
+      for (auto* list : {&first, &point_of}) list->clear();
+      taps.clear();
+    }
+  };
 
   void shade_run(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
                  std::span<PointRadiance> radiance, Job& job) {
-    Entries point_entries(material_.levels.size());
-    Entries sample_entries(material_.levels.size());
+    for (Entries* entries : {&point_entries_, &sample_entries_}) {
+      entries->resize(material_.levels.size());
+      for (auto& list : *entries) list.clear();
+    }
     {
       const StageTimer timer(job, "directions");
-      upload(points, lights, point_entries, sample_entries);
+      upload(points, lights, point_entries_, sample_entries_);
       device_.finish();
     }
     for (std::size_t level = 0; level < material_.levels.size(); ++level) {
-      look_up_masks(level, point_entries[level], job);
-      light_level(level, sample_entries[level], job);
+      look_up_masks(level, point_entries_[level], job);
+      light_level(level, sample_entries_[level], job);
     }
     const StageTimer timer(job, "shading");
     reserve(device_, radiance_, points.size() * sizeof(PointRadiance), "radiance of points");
@@ -95,56 +114,57 @@ class DeviceShader final : public Shader {
               Entries& point_entries, Entries& sample_entries) {
     const std::size_t samples = lights.size() / points.size();
     const BtfShape& shape = material_.info.shape;
-    std::vector<float> view_directions, light_directions, irradiance, share;
-    std::vector<std::uint32_t> point_of, first;
-    std::vector<TexelTaps> taps(2 * points.size());
-    static_assert(sizeof(TexelTaps) == ops::texel_tap_words * sizeof(std::uint32_t));
     if (points.size() > std::numeric_limits<std::uint32_t>::max() / 2 ||
         lights.size() > std::numeric_limits<std::uint32_t>::max() / 2) {
       fail_input("{} light samples of {} points at once are too many", lights.size(),
                  points.size());
     }
+    HostTables& host = host_;
+    host.clear();
+    static_assert(sizeof(TexelTaps) == ops::texel_tap_words * sizeof(std::uint32_t));
     for (std::size_t i = 0; i < points.size(); ++i) {
       const ShadingPoint& point = points[i];
-      view_directions.insert(view_directions.end(),
-                             {point.view[0], point.view[1], point.view[2], 0.0f});
-      const MipTaps mip = mip_taps(point.footprint, shape.height, shape.width);
-      const float shares[2] = {1 - mip.coarser, mip.coarser};
-      const auto first_sample = static_cast<std::uint32_t>(point_of.size());
-      first.push_back(first_sample);
-      for (std::size_t s = 0; s < samples; ++s) {
-        const LightSample& light = lights[i * samples + s];
-        if (light.irradiance == std::array<float, 3>{}) continue;
+      host.views.push_back({point.view[0], point.view[1], point.view[2], 0});
+      const auto first_sample = static_cast<std::uint32_t>(host.point_of.size());
+      host.first.push_back(first_sample);
+      for (const LightSample& light : lights.subspan(i * samples, samples)) {
         const auto& d = light.direction;
         const auto& e = light.irradiance;
-        light_directions.insert(light_directions.end(), {d[0], d[1], d[2], 0.0f});
-        irradiance.insert(irradiance.end(), {e[0], e[1], e[2], 0.0f});
-        point_of.push_back(static_cast<std::uint32_t>(i));
+        if (e[0] == 0 && e[1] == 0 && e[2] == 0) continue;
+        host.lights.push_back({d[0], d[1], d[2], 0});
+        host.irradiance.push_back({e[0], e[1], e[2], 0});
+        host.point_of.push_back(static_cast<std::uint32_t>(i));
       }
+      const MipTaps mip = mip_taps(point.footprint, shape.height, shape.width);
+      const float shares[2] = {1 - mip.coarser, mip.coarser};
       for (std::uint32_t slot = 0; slot < 2; ++slot) {
-        share.push_back(shares[slot]);
-        if (!(shares[slot] > 0)) continue;
+        const bool used = shares[slot] > 0;
         const std::size_t level = mip.level + slot;
-        taps[2 * i + slot] =
-            texel_taps(point.uv, mip_side(shape.height, level), mip_side(shape.width, level));
+        host.share.push_back(shares[slot]);
+        host.masks.push_back(1);
+        host.taps.push_back(
+            used ? texel_taps(point.uv, mip_side(shape.height, level), mip_side(shape.width, level))
+                 : TexelTaps{});
+        if (!used) continue;
         point_entries[level].push_back(static_cast<std::uint32_t>(2 * i) + slot);
-        for (auto s = first_sample; s < point_of.size(); ++s) {
+        for (auto s = first_sample; s < host.point_of.size(); ++s) {
           sample_entries[level].push_back(2 * s + slot);
         }
       }
     }
-    first.push_back(static_cast<std::uint32_t>(point_of.size()));
+    host.first.push_back(static_cast<std::uint32_t>(host.point_of.size()));
 
-    write(tables_.taps, std::span<const TexelTaps>(taps), "texels of points");
-    write(tables_.share, std::span<const float>(share), "shares of levels");
-    write(tables_.first, std::span<const std::uint32_t>(first), "light samples of points");
-    write(tables_.point_of, std::span<const std::uint32_t>(point_of), "points of light samples");
-    write(tables_.irradiance, std::span<const float>(irradiance), "irradiance");
-    const std::vector<float> whole(share.size(), 1.0f);
-    write(tables_.masks, std::span<const float>(whole), "masks of points");
-    reserve(device_, tables_.light, point_of.size() * 2 * sizeof(PointRadiance), "reflected light");
-    weigh(views_, view_directions, view_directions_, tables_.views);
-    weigh(lights_, light_directions, light_directions_, tables_.lights);
+    write(tables_.taps, std::span<const TexelTaps>(host.taps), "texels of points");
+    write(tables_.share, std::span<const float>(host.share), "shares of levels");
+    write(tables_.masks, std::span<const float>(host.masks), "masks of points");
+    write(tables_.first, std::span<const std::uint32_t>(host.first), "light samples of points");
+    write(tables_.point_of, std::span<const std::uint32_t>(host.point_of),
+          "points of light samples");
+    write(tables_.irradiance, std::span<const Float4>(host.irradiance), "irradiance");
+    reserve(device_, tables_.light, host.point_of.size() * 2 * sizeof(PointRadiance),
+            "reflected light");
+    weigh(views_, host.views, view_directions_, tables_.views);
+    weigh(lights_, host.lights, light_directions_, tables_.lights);
   }
 
   template <typename T>
@@ -153,10 +173,10 @@ class DeviceShader final : public Shader {
     device_.write(buffer, values);
   }
 
-  void weigh(const ops::DeviceHemisphere& hemisphere, const std::vector<float>& directions,
+  void weigh(const ops::DeviceHemisphere& hemisphere, const std::vector<Float4>& directions,
              Buffer& uploaded, Buffer& out) {
-    const std::size_t count = directions.size() / 4;
-    write(uploaded, std::span<const float>(directions), "directions");
+    const std::size_t count = directions.size();
+    write(uploaded, std::span<const Float4>(directions), "directions");
     reserve(device_, out, count * ops::direction_words * sizeof(std::uint32_t),
             "weights of directions");
     hemisphere.weigh(device_, count, uploaded, out);
@@ -206,6 +226,8 @@ class DeviceShader final : public Shader {
   ops::DeviceHemisphere views_;
   ops::DeviceHemisphere lights_;
   ops::ShadeTables tables_;
+  HostTables host_;
+  Entries point_entries_, sample_entries_;
   Buffer view_directions_, light_directions_, list_, lookups_, values_, radiance_;
 };
 

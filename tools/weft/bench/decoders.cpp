@@ -1,13 +1,23 @@
-// Images from models.
+// Images and texels from models and raw BTFs.
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "bench/benchmark.hpp"
 #include "bench/clusters.hpp"
+#include "weft/btf/directions.hpp"
+#include "weft/btf/hemisphere.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
+#include "weft/ops/look_up_factors.hpp"
+#include "weft/ops/look_up_raw.hpp"
+#include "weft/ops/shade.hpp"
+#include "weft/reference/random.hpp"
 
 namespace weft {
 namespace {
@@ -60,10 +70,125 @@ Benchmark lpca(std::size_t clusters, std::size_t rank) {
   return benchmark;
 }
 
+constexpr LookupShape filtered{4, 3, 3};
+constexpr std::size_t lookup_count = std::size_t{1} << 18;
+
+// Look-ups as a picture asks for them: of neighbouring texels, directions next to each other.
+// Sorted ones come image by image.
+std::vector<std::uint32_t> random_lookups(const BtfShape& shape, bool sorted) {
+  std::vector<float> numbers(lookup_count);
+  reference::fill_random(2, numbers);
+  if (sorted) std::sort(numbers.begin(), numbers.end());
+  std::vector<std::uint32_t> records;
+  const auto third = std::bit_cast<std::uint32_t>(1.0f / 3);
+  const auto quarter = std::bit_cast<std::uint32_t>(0.25f);
+  std::size_t texel = 0;
+  for (const float number : numbers) {
+    const double unit = (static_cast<double>(number) + 1) / 2;
+    const auto image = static_cast<std::size_t>(unit * static_cast<double>(shape.images() - 1));
+    texel = (texel * 5 + 12345) % (shape.texels() - shape.width - 1);
+    for (const std::size_t t : {texel, texel + 1, texel + shape.width, texel + shape.width + 1}) {
+      records.push_back(static_cast<std::uint32_t>(t));
+    }
+    for (std::size_t tap = 0; tap < 3; ++tap) {
+      records.push_back(static_cast<std::uint32_t>((image / shape.lights + tap) % shape.views));
+    }
+    for (std::size_t tap = 0; tap < 3; ++tap) {
+      records.push_back(static_cast<std::uint32_t>((image % shape.lights + tap) % shape.lights));
+    }
+    records.insert(records.end(), 4, quarter);
+    records.insert(records.end(), 6, third);
+  }
+  return records;
+}
+
+std::shared_ptr<Buffer> lookup_buffer(Device& device, const BtfShape& shape, bool sorted) {
+  const std::vector<std::uint32_t> records = random_lookups(shape, sorted);
+  auto buffer = std::make_shared<Buffer>(device, records.size() * sizeof(std::uint32_t), "records");
+  device.write(*buffer, std::span<const std::uint32_t>(records));
+  return buffer;
+}
+
+Benchmark pca_lookups(std::size_t rank, bool sorted) {
+  const BtfShape shape{81, 81, 128, 128, 3};
+  Benchmark benchmark{
+      "look_up_pca",
+      fmt::format("{} of 4 x 3 x 3 taps, rank {}, {}", lookup_count, rank,
+                  sorted ? "by image" : "in any order"),
+      static_cast<double>(lookup_count) * ops::look_up_flops(filtered, shape.channels, rank),
+      static_cast<double>(lookup_count * (filtered.words() + shape.channels) * 4)};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const std::size_t rows = shape.images() * shape.channels;
+    const auto records = lookup_buffer(device, shape, sorted);
+    const auto A = std::make_shared<Buffer>(
+        random_buffer(device, ops::row_floats(shape.texels(), rank, "A"), "A"));
+    const auto B =
+        std::make_shared<Buffer>(random_buffer(device, ops::row_floats(rows, rank, "B"), "B"));
+    const auto mean = std::make_shared<Buffer>(random_buffer(device, rows, "mean"));
+    const auto out =
+        std::make_shared<Buffer>(device, lookup_count * shape.channels * sizeof(float), "out");
+    return [=, &device] {
+      ops::look_up_pca(device, {filtered, shape, lookup_count, *records, *out}, rank, *A, *B,
+                       *mean);
+    };
+  };
+  return benchmark;
+}
+
+// One look-up reads 36 texels, each from a cache line of its own.
+Benchmark raw_lookups(bool sorted) {
+  const BtfShape shape{81, 81, 64, 64, 3};
+  Benchmark benchmark{"look_up_raw",
+                      fmt::format("{} of 4 x 3 x 3 taps, F16, {}", lookup_count,
+                                  sorted ? "by image" : "in any order"),
+                      0, static_cast<double>(lookup_count * (18 * 64 + filtered.words() * 4 + 12))};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto records = lookup_buffer(device, shape, sorted);
+    const auto raw = std::make_shared<Buffer>(zero_buffer(device, shape.values() * 2, "images"));
+    const auto out = std::make_shared<Buffer>(
+        zero_buffer(device, lookup_count * shape.channels * sizeof(float), "out"));
+    return [=, &device] {
+      ops::look_up_raw(device, {filtered, shape, lookup_count, *records, *out}, DType::f16, 0,
+                       shape.images(), *raw);
+    };
+  };
+  return benchmark;
+}
+
+Benchmark directions() {
+  Benchmark benchmark{"weigh_directions", fmt::format("{} among 151", lookup_count), 0,
+                      static_cast<double>(lookup_count * 48)};
+  benchmark.prepare = [](Device& device) -> Run {
+    std::vector<float> numbers(2 * lookup_count);
+    reference::fill_random(3, numbers);
+    std::vector<float> list;
+    for (std::size_t i = 0; i < lookup_count; ++i) {
+      list.insert(list.end(), {numbers[2 * i], numbers[2 * i + 1], 0.5f, 0.0f});
+    }
+    const auto in = std::make_shared<Buffer>(device, list.size() * sizeof(float), "directions");
+    device.write(*in, std::span<const float>(list));
+    const auto out = std::make_shared<Buffer>(
+        device, lookup_count * ops::direction_words * sizeof(float), "weights");
+    const auto tables =
+        std::make_shared<ops::DeviceHemisphere>(device, Hemisphere(ubo151_directions()));
+    return [=, &device] { tables->weigh(device, lookup_count, *in, *out); };
+  };
+  return benchmark;
+}
+
 }  // namespace
 
 std::vector<Benchmark> decoder_benchmarks() {
-  return {pca(16), pca(64), lpca(16, 8), lpca(64, 16)};
+  return {pca(16),
+          pca(64),
+          lpca(16, 8),
+          lpca(64, 16),
+          pca_lookups(16, false),
+          pca_lookups(16, true),
+          pca_lookups(64, false),
+          raw_lookups(false),
+          raw_lookups(true),
+          directions()};
 }
 
 }  // namespace weft
