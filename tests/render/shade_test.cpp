@@ -172,11 +172,13 @@ TEST(Shade, SameBitsWhateverTheMemory) {
   const auto whole = make_shader(&shared_device(), source, job);
   const std::vector<double> expected = flat(shade(*whole, batch, job));
   Job small;
-  small.memory = whole->bytes() - 1;
+  small.memory = 1500000;  // not enough for the finest level beside a run of images and a batch
   const auto streamed = make_shader(&shared_device(), source, small);
-  EXPECT_LE(streamed->bytes(), small.memory);
+  // there is room left for those who make the points
+  EXPECT_LE(streamed->bytes(), small.memory - small.memory / 32);
+  const std::size_t read_before = source->images_read();
   EXPECT_TRUE(all_equal(flat(shade(*streamed, batch, small)), expected));
-  EXPECT_GT(streamed->batch_samples(), 0U);
+  EXPECT_GT(source->images_read(), read_before);
 
   Batch part{{batch.points.begin() + 50, batch.points.begin() + 61},
              {batch.lights.begin() + 100, batch.lights.begin() + 122}};

@@ -24,7 +24,9 @@ using Samplers = std::vector<std::unique_ptr<DeviceSampler>>;
 constexpr std::size_t point_bytes = 512;
 constexpr std::size_t sample_bytes = 384;
 // Light samples of a batch where all levels are resident: what they take stays in a large cache.
+// Fewer where memory is short.
 constexpr std::size_t resident_batch = std::size_t{1} << 16;
+constexpr std::size_t least_batch = std::size_t{1} << 10;
 constexpr std::size_t streaming_batch = std::size_t{1} << 24;
 
 // A material on the device.
@@ -239,7 +241,9 @@ class MaterialMaker {
     material_.info = info;
     material_.info.mask.clear();
     mask_ = mask_source(info);
-    plan_.add("batch of light samples", batch_bytes(resident_batch));
+    material_.batch =
+        std::clamp(job.memory / 4 / (point_bytes + sample_bytes), least_batch, resident_batch);
+    plan_.add("batch of light samples", batch_bytes(material_.batch));
     if (mask_) {
       plan_.add("mask", 2 * mask_->info().bytes());
       mask_images_ = source_images(device_, mask_);
@@ -269,18 +273,18 @@ class MaterialMaker {
     RawLevelsPlan raw_plan;
     bool streams = false;
     if (images) {
-      const std::size_t taken = plan_.total();
-      const std::size_t room = job_.memory > taken ? job_.memory - taken : 0;
-      raw_plan = plan_raw_levels(device_, *images, first, levels_, room);
+      // A share is left to those who make the points.
+      const std::size_t share = job_.memory / 8;
+      raw_plan =
+          plan_raw_levels(device_, *images, first, levels_, room() - std::min(room(), share));
       plan_.add("images on the device", raw_plan.resident_bytes);
       plan_.add("images on their way", raw_plan.streaming_bytes);
       streams = raw_plan.first_resident > first;
     }
-    const std::size_t taken = plan_.total();
-    if (streams && job_.memory > taken) {
+    if (streams) {
       // The more samples there are at once, the less often the images have to be gone through.
-      const std::size_t room = batch_bytes(resident_batch) + (job_.memory - taken);
-      material_.batch = std::clamp(room / (point_bytes + sample_bytes), resident_batch,
+      const std::size_t bytes = batch_bytes(material_.batch) + room() / 2;
+      material_.batch = std::clamp(bytes / (point_bytes + sample_bytes), material_.batch,
                                    std::min(streaming_batch, largest_batch()));
       plan_.items[0].bytes = batch_bytes(material_.batch);
     }
@@ -303,6 +307,12 @@ class MaterialMaker {
   bool complete() const { return pending_.size() == levels_; }
 
  private:
+  // What the plan and what the caller holds leave of the memory.
+  std::size_t room() const {
+    std::size_t taken = plan_.total();
+    for (const MemoryItem& item : job_.held) taken += item.bytes;
+    return job_.memory > taken ? job_.memory - taken : 0;
+  }
   static std::size_t batch_bytes(std::size_t samples) {
     return samples * (point_bytes + sample_bytes);
   }

@@ -18,7 +18,8 @@ Picture render_picture(const RayCaster& caster, Shader& shader, Job& job) {
   MemoryPlan plan;
   plan.add("material and its batches", shader.bytes());
   plan.add("picture", pixels * sizeof(std::array<float, 4>));
-  const std::size_t held = plan.total();
+  std::size_t held = plan.total();
+  for (const MemoryItem& item : job.held) held += item.bytes;
   const std::size_t room = job.memory > held ? job.memory - held : 0;
   const std::size_t wanted = std::max<std::size_t>(shader.batch_samples() / per_pixel, 1);
   const std::size_t batch =
