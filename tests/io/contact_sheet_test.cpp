@@ -32,6 +32,34 @@ Png read_png(const std::filesystem::path& path) {
   return png;
 }
 
+TEST(ContactSheet, BeginsNewRows) {
+  const TemporaryFolder folder;
+  const BtfShape shape{1, 5, 2, 3, 3};
+  const auto original = random_source(shape, DType::u8, 1);
+  ContactSheetOptions options;
+  options.images = {0, 1, 2, 3, 4};
+  options.per_row = 2;
+  options.spacing = 1;
+  for (const bool compared : {false, true}) {
+    const ContactSheet sheet = write_contact_sheet(folder / "s.png", *original,
+                                                   compared ? original.get() : nullptr, options);
+    const std::size_t line = compared ? 3 : 1;  // rows of images for each row of originals
+    EXPECT_EQ(sheet.width, 2U * 4 + 1);
+    EXPECT_EQ(sheet.height, 3U * line * 3 + 1);
+    const Png png = read_png(folder / "s.png");
+    for (std::size_t k = 0; k < 5; ++k) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        EXPECT_EQ(png.at(1 + k % 2 * 4, 1 + k / 2 * line * 3, c),
+                  std::to_integer<int>(original->bytes()[k * shape.image_values() + c]));
+      }
+    }
+    EXPECT_EQ(png.at(5, 1 + 2 * line * 3, 0), 255);  // no sixth image
+  }
+  // No more columns than images.
+  options.per_row = 100;
+  EXPECT_EQ(write_contact_sheet(folder / "s.png", *original, nullptr, options).width, 5U * 4 + 1);
+}
+
 TEST(ContactSheet, EightBitDataIsShownAsItIs) {
   const TemporaryFolder folder;
   const BtfShape shape{2, 2, 3, 2, 3};

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstddef>
@@ -9,6 +10,7 @@
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -129,6 +131,77 @@ TEST(Synth, ReferenceNeedsNoDevice) {
   arguments.push_back((folder / "none.npy").string());
   EXPECT_EQ(run_weft(arguments, no_device).status, 3);
   EXPECT_FALSE(std::filesystem::exists(folder / "none.npy"));
+}
+
+std::vector<std::string> listed_materials() {
+  const ProcessResult list = run_weft({"synth", "--list"});
+  EXPECT_EQ(list.status, 0) << list.err;
+  std::vector<std::string> names;
+  std::istringstream lines(list.out);
+  for (std::string line; std::getline(lines, line);) {
+    names.push_back(line.substr(0, line.find(' ')));
+    EXPECT_GT(line.size(), names.back().size() + 10) << "no summary: " << line;
+  }
+  return names;
+}
+
+TEST(Synth, RendersEveryListedMaterial) {
+  const TemporaryFolder folder;
+  const std::vector<std::string> names = listed_materials();
+  for (const char* expected :
+       {"weave", "knit", "corduroy", "leather", "hammered", "gravel", "coins", "net"}) {
+    EXPECT_NE(std::find(names.begin(), names.end(), expected), names.end()) << expected;
+  }
+  const auto render = [&folder](const std::string& name, const std::string& material,
+                                const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"synth",  "--material",
+                                          material, "--size",
+                                          "4",      "--view-set",
+                                          "2",      "--light-set",
+                                          "2",      "--samples",
+                                          "1",      "--quiet",
+                                          "-o",     (folder / name).string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult result = run_weft(arguments);
+    EXPECT_EQ(result.status, 0) << material << ": " << result.err;
+    return values_of(folder / name);
+  };
+  for (const std::string& name : names) {
+    const std::vector<double> preset = render(name + ".npy", name, {});
+    double sum = 0;
+    for (const double value : preset) {
+      ASSERT_TRUE(std::isfinite(value) && value >= 0) << name;
+      sum += value;
+    }
+    EXPECT_GT(sum, 0) << name;
+    // What --print prints makes the same pictures.
+    const ProcessResult printed = run_weft({"synth", "--print", name});
+    ASSERT_EQ(printed.status, 0) << printed.err;
+    if (name != "leather" && name != "net") continue;  // one of each sort is enough, and quick
+    const std::string copy = (folder / (name + "_copy.json")).string();
+    std::ofstream(copy) << printed.out;
+    EXPECT_EQ(render("copy.npy", copy, {}), preset) << name;
+    EXPECT_NE(render("other.npy", copy, {"--material-seed", "77"}), preset) << name;
+  }
+}
+
+TEST(Synth, ListsTheFieldsOfAKind) {
+  const ProcessResult result = run_weft({"synth", "--fields", "leather"});
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("| `gloss.f90` | 0 to 1 |"), std::string::npos) << result.out;
+  EXPECT_EQ(run_weft({"synth", "--fields", "brick"}).status, 2);
+  EXPECT_EQ(run_weft({"synth", "--print", "brick"}).status, 2);
+}
+
+TEST(Synth, NamesWhatIsWrongWithAMaterial) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "mine.json").string();
+  std::ofstream(file) << R"({"kind": "leather", "gloss": {"f91": 1}})";
+  const ProcessResult result =
+      run_weft({"synth", "--material", file, "-o", (folder / "m.npy").string()});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_NE(result.err.find("mine.json: unknown field gloss.f91"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "m.npy"));
 }
 
 TEST(Synth, RefusesBadOptions) {

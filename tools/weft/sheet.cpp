@@ -121,6 +121,11 @@ void add_sheet(CLI::App& program, Action& action) {
       ->add_option("--columns", options->columns, "Number of images, spread over views and lights")
       ->type_name("N")
       ->check(CLI::Range(1, 256));
+  command
+      ->add_option("--per-row", options->sheet.per_row,
+                   "Images side by side before a new row begins; 0 for all in one row")
+      ->type_name("N")
+      ->check(CLI::Range(0, 256));
   command->add_option("--views", options->views, "Images of these views instead: 0,3,8-11, or all")
       ->type_name("LIST")
       ->default_str("");

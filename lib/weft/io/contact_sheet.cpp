@@ -149,9 +149,12 @@ ContactSheet write_contact_sheet(const std::filesystem::path& path, TileSource& 
                                  TileSource* decoded, const ContactSheetOptions& options) {
   const BtfInfo& info = original.info();
   check(info, decoded, options);
-  const std::size_t columns = options.images.size();
+  const std::size_t count = options.images.size();
+  const std::size_t columns = options.per_row == 0 ? count : std::min(options.per_row, count);
+  const std::size_t lines = (count + columns - 1) / columns;
+  const std::size_t rows_of_line = decoded ? 3 : 1;
   const std::size_t channels = info.shape.channels >= 3 ? 3 : 1;
-  Canvas canvas(columns, decoded ? 3 : 1, info.shape, channels, options.spacing);
+  Canvas canvas(columns, lines * rows_of_line, info.shape, channels, options.spacing);
 
   std::vector<std::vector<float>> originals;
   for (const std::size_t image : options.images) {
@@ -161,19 +164,20 @@ ContactSheet write_contact_sheet(const std::filesystem::path& path, TileSource& 
   double exposure = options.exposure;
   if (exposure == 0) exposure = info.dtype == DType::u8 ? 1.0 : chosen_exposure(originals);
 
-  for (std::size_t column = 0; column < columns; ++column) {
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t column = k % columns, row = k / columns * rows_of_line;
     std::vector<double> shown;
-    for (const float value : originals[column]) shown.push_back(display_value(value, exposure));
-    canvas.put(column, 0, shown);
+    for (const float value : originals[k]) shown.push_back(display_value(value, exposure));
+    canvas.put(column, row, shown);
     if (!decoded) continue;
-    const std::vector<float> other = linear_image(*decoded, options.images[column], channels);
+    const std::vector<float> other = linear_image(*decoded, options.images[k], channels);
     std::vector<double> shown_decoded;
     for (const float value : other) shown_decoded.push_back(display_value(value, exposure));
-    canvas.put(column, 1, shown_decoded);
+    canvas.put(column, row + 1, shown_decoded);
     for (std::size_t i = 0; i < shown.size(); ++i) {
       shown[i] = options.difference_scale * std::abs(shown[i] - shown_decoded[i]);
     }
-    canvas.put(column, 2, shown);
+    canvas.put(column, row + 2, shown);
   }
   write_png(path, canvas.info(), canvas.pixels());
   return {canvas.info().width, canvas.info().height, exposure};

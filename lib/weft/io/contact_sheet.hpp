@@ -20,6 +20,7 @@ namespace weft {
 struct ContactSheetOptions {
   std::vector<std::size_t>
       images;                    // indices i = v L + l, in the order of the columns; at least one
+  std::size_t per_row = 0;       // of the images; what is more begins new rows; 0 for all in one
   double difference_scale = 10;  // N
   // Factor on linear light; 0 chooses it: 1 for 8-bit data; for float data the factor that puts the
   // 99th percentile of the chosen images' values at 1 (1 where that is not positive).

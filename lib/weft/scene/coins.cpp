@@ -17,9 +17,9 @@ constexpr double turn = 2 * std::numbers::pi;
 // Purposes of random numbers.
 enum Key : std::uint64_t { toss = 1, felt, fibres, stains, scratches, polish };
 
-constexpr std::size_t heap_cells = 160;
+constexpr std::size_t heap_cells = 96;
 constexpr std::size_t tries = 5;   // places a coin may come to rest at
-constexpr std::size_t sheets = 3;  // layers of topmost coins
+constexpr std::size_t sheets = 2;  // layers of topmost coins
 constexpr double most_coins = 2000;
 constexpr double steepest = 0.7;  // slope of a coin
 // How far a sheet's tables go on past the edge, in radii, and at least in cells: the outline lies
@@ -127,16 +127,26 @@ Coin make_coin(const Coins& coins, std::uint64_t id) {
   return coin;
 }
 
-// The minimum of a convex function of one number in [-steepest, steepest].
+// Where a convex function of one number in [-steepest, steepest] is least, by golden sections.
 template <typename Function>
 double lowest_at(const Function& function) {
+  constexpr double golden = 1 / std::numbers::phi;
   double low = -steepest, high = steepest;
-  for (int i = 0; i < 18; ++i) {
-    const double a = low + (high - low) * 0.382, b = low + (high - low) * 0.618;
-    if (function(a) <= function(b)) {
+  double a = high - golden * (high - low), b = low + golden * (high - low);
+  double at_a = function(a), at_b = function(b);
+  for (int i = 0; i < 14; ++i) {
+    if (at_a <= at_b) {
       high = b;
+      b = a;
+      at_b = at_a;
+      a = high - golden * (high - low);
+      at_a = function(a);
     } else {
       low = a;
+      a = b;
+      at_a = at_b;
+      b = low + golden * (high - low);
+      at_b = function(b);
     }
   }
   return 0.5 * (low + high);
@@ -332,6 +342,7 @@ Surface make_surface(const Coins& coins, std::size_t columns, std::size_t rows) 
     };
     draw_around(surface, coin.x, coin.y, coin.radius + (sheet ? apron : 0), draw);
   }
+  bound_holes(surface);
   finish_surface(surface);
   return surface;
 }

@@ -14,7 +14,7 @@ namespace {
 // Purposes of random numbers.
 enum Key : std::uint64_t { yarns = 1, shift_x, shift_y, shift_z, swelling, stray };
 
-constexpr std::size_t points_per_loop = 40;
+constexpr std::size_t points_per_loop = 96;
 constexpr std::size_t points_per_hair = 12;
 
 // A place of course j at the loop parameter t (2 pi per loop).
@@ -133,6 +133,7 @@ Surface make_surface(const Knit& knit, std::size_t columns, std::size_t rows) {
     hair.key = id;
     sweep_yarn(surface, 2, hair, curve);
   }
+  bound_holes(surface);
   finish_surface(surface);
   return surface;
 }

@@ -24,23 +24,23 @@ struct Knit {
   std::size_t wales = 10;    // loops side by side of one tile
   std::size_t courses = 12;  // rows of loops, an even number
   std::uint64_t seed = 1;
-  std::array<float, 3> color{0.55f, 0.47f, 0.36f};
+  std::array<float, 3> color{0.52f, 0.40f, 0.26f};
   GlossyLobe gloss{{0.02f, 0.02f, 0.02f}, 0.5f, 0.6f, 0.8f};
-  double color_spread = 0.12;   // relative
-  double course_height = 0.83;  // distance of courses
-  double loop_height = 1.62;    // of a loop, over the distance of courses; above 1 it interlocks
-  double lean = 0.13;           // of the legs: how far heads are wider than necks
-  double depth = 0.2;           // of the loops, in front and behind
-  double width = 0.52;          // of the yarn
-  double thickness = 0.44;      // of the yarn
+  double color_spread = 0.12;  // relative
+  double course_height = 0.8;  // distance of courses
+  double loop_height = 1.75;   // of a loop, over the distance of courses; above 1 it interlocks
+  double lean = 0.23;          // of the legs: how far heads are wider than necks
+  double depth = 0.2;          // of the loops, in front and behind
+  double width = 0.46;         // of the yarn
+  double thickness = 0.42;     // of the yarn
   std::size_t plies = 3;
-  double twists = 1.9;
-  double ply_relief = 0.06;
-  double fibre_relief = 0.03;
-  double irregularity = 0.07;  // of size and place from loop to loop
-  double hairs = 5;            // stray fibres per loop
+  double twists = 1.5;
+  double ply_relief = 0.05;
+  double fibre_relief = 0.025;
+  double irregularity = 0.05;  // of size and place from loop to loop
+  double hairs = 4;            // stray fibres per loop
   double hair_length = 0.9;
-  double hair_width = 0.028;
+  double hair_width = 0.02;
 };
 
 void describe(Fields& fields, Knit& knit);

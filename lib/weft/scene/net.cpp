@@ -148,6 +148,7 @@ Surface make_surface(const Net& net, std::size_t columns, std::size_t rows) {
       }
     }
   }
+  bound_holes(surface);
   finish_surface(surface);
   return surface;
 }

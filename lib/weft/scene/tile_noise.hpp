@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "weft/scene/noise.hpp"
@@ -101,6 +102,28 @@ void draw_around(const Surface& surface, double x, double y, double radius, cons
           static_cast<double>(c) * surface.width / static_cast<double>(surface.columns) - x;
       if (dx * dx + dy * dy > radius * radius) continue;
       draw(row * surface.columns + (static_cast<std::size_t>(c) & (surface.columns - 1)), dx, dy);
+    }
+  }
+}
+
+// Keeps what layers hold in holes, next to their outlines, as near to the material's bounds as
+// `validate` asks for.
+inline void bound_holes(Surface& surface) {
+  float low = std::numeric_limits<float>::infinity(), high = -low;
+  for (const SurfaceLayer& layer : surface.layers) {
+    for (std::size_t i = 0; i < layer.elevation.size(); ++i) {
+      const bool solid = layer.underside.empty();
+      if (!solid && layer.elevation[i] < layer.underside[i]) continue;
+      low = std::min(low, solid ? layer.elevation[i] : layer.underside[i]);
+      high = std::max(high, layer.elevation[i]);
+    }
+  }
+  const float beyond = 0.5f * (high - low);
+  for (SurfaceLayer& layer : surface.layers) {
+    for (std::size_t i = 0; i < layer.underside.size(); ++i) {
+      if (layer.elevation[i] >= layer.underside[i]) continue;
+      layer.elevation[i] = std::clamp(layer.elevation[i], low - beyond, high);
+      layer.underside[i] = std::clamp(layer.underside[i], low, high + beyond);
     }
   }
 }
