@@ -67,6 +67,28 @@ TEST(Synth, RendersARawBtf) {
   EXPECT_GT(sum, 0);
 }
 
+// Light by way of one more point adds to what is there.
+TEST(Synth, BouncesAddLight) {
+  const TemporaryFolder folder;
+  const auto render = [&folder](const std::string& bounces) {
+    const std::string output = (folder / (bounces + ".safetensors")).string();
+    const ProcessResult result =
+        run_weft({"synth", "--size", "8", "--view-set", "2", "--light-set", "3", "--dtype", "f32",
+                  "--bounces", bounces, "--quiet", "-o", output});
+    EXPECT_EQ(result.status, 0) << result.err;
+    return values_of(output);
+  };
+  const std::vector<double> direct = render("0"), both = render("1");
+  double sum = 0, added = 0;
+  for (std::size_t i = 0; i < direct.size(); ++i) {
+    EXPECT_GE(both[i], direct[i] * (1 - 1e-6));
+    sum += direct[i];
+    added += both[i] - direct[i];
+  }
+  EXPECT_GT(added, 0.001 * sum);
+  EXPECT_LT(added, sum);
+}
+
 TEST(Synth, EncodingFollowsTheDtype) {
   const TemporaryFolder folder;
   const std::vector<std::string> common = {"synth", "--size",      "4", "--view-set",
@@ -222,6 +244,7 @@ TEST(Synth, RefusesBadOptions) {
       {{"-o", output, "--light-set", "0"}, "--light-set: '0'"},
       {{"-o", output, "--samples", "0"}, "--samples"},
       {{"-o", output, "--samples", "many"}, "--samples"},
+      {{"-o", output, "--bounces", "2"}, "--bounces"},
       {{"-o", output, "--dtype", "f64"}, "--dtype"},
       {{"-o", output, "--material", "brick"}, "--material"},
       {{"-o", output, "--seed", "-1"}, "--seed -1"},
