@@ -49,6 +49,12 @@ std::vector<std::byte> tensor_bytes(const Model& model) {
   return bytes;
 }
 
+bool has_mean(const Model& model) {
+  const std::vector<ModelTensor> tensors = model.tensors();
+  return std::any_of(tensors.begin(), tensors.end(),
+                     [](const ModelTensor& tensor) { return tensor.name == "mean"; });
+}
+
 Parameters rank(std::size_t k) {
   return {{"rank", std::to_string(k)}};
 }
@@ -296,9 +302,11 @@ TEST_P(EveryCodec, ExtremesOfShape) {
       // all zero, and constant
       for (const double constant : {0.0, 0.5}) {
         const auto flat = source_of(shape, dtype, std::vector<double>(shape.values(), constant));
-        // 8-bit values are not floats: the mean is rounded.
-        EXPECT_LE(run().measure(*run().encode(*flat, rank(4), Storage::f32), *flat).max_difference,
-                  constant * 0x1p-24);
+        // 8-bit values are not floats: the mean is rounded. Models without one are projections on
+        // five modes and back: no more than 40 roundings each.
+        const auto model = run().encode(*flat, rank(4), Storage::f32);
+        const double roundings = has_mean(*model) ? 1 : 5 * 40;
+        EXPECT_LE(run().measure(*model, *flat).max_difference, constant * 0x1p-24 * roundings);
       }
     }
   }

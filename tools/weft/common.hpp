@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "weft/size_text.hpp"
 #include "weft/tensor/dtype.hpp"
 
 namespace CLI {
@@ -35,11 +36,6 @@ void add_device_options(CLI::App& command, DeviceOptions& options);
 
 // --seed, a number of 64 bits; `what` is seeded.
 void add_seed_option(CLI::App& command, std::uint64_t& seed, const std::string& what);
-
-// "1GiB", "1.5G", "512MiB", "64KiB", "4000000", "1GB": K, M, G, T with or without iB are powers of
-// 1024; kB, MB, GB, TB powers of 1000; no unit means bytes. At least 1. Throws an input error that
-// names `option` and the text.
-std::size_t parse_size(std::string_view text, std::string_view option);
 
 // "u8", "f16" or "f32". Throws an input error that names `option` and the text.
 DType parse_dtype(std::string_view text, std::string_view option);

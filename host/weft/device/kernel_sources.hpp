@@ -18,6 +18,7 @@ extern const KernelSource gemm;
 extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource look_up_factors;
+extern const KernelSource pack_mode;
 extern const KernelSource look_up_raw;
 extern const KernelSource peak;
 extern const KernelSource reduce_mip;
@@ -30,6 +31,7 @@ extern const KernelSource syrk;
 extern const KernelSource syrk_rows;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;
+extern const KernelSource unfold_tile;
 extern const KernelSource weigh_directions;
 }  // namespace kernel_sources
 

@@ -1,0 +1,65 @@
+// Mode-n products and mode-n Gram matrices of tensors on the device, without unfolding them.
+//
+// A tensor is row-major floats; seen from its mode n it is [outer][n][inner], where `outer` is the
+// product of the sizes before the mode and `inner` that of those behind it (K-CTA paper, eq. (2);
+// Kolda & Bader 2009):
+//
+//   (T x_n U^T)(o, r, i) = sum_j U(j, r) T(o, j, i)        project, onto the columns of U
+//   (T x_n U)(o, j, i)   = sum_r U(j, r) T(o, r, i)        expand, from them
+//   G(j, k)              = sum_{o, i} T(o, j, i) T(o, k, i)
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "weft/device/device.hpp"
+#include "weft/ops/arithmetic.hpp"
+
+namespace weft::ops {
+
+// A tensor as its mode n sees it.
+struct ModeView {
+  std::size_t outer = 1;
+  std::size_t size = 1;
+  std::size_t inner = 1;
+
+  std::size_t elements() const { return outer * size * inner; }
+};
+ModeView mode_view(std::span<const std::size_t> sizes, std::size_t mode);
+
+enum class ModeProduct { project, expand };
+
+// out = T x_n U^T or T x_n U for a row-major factor U [I][R]: T has the size I and out R in mode n,
+// or the other way round. One product where the mode is first or last, else a batch of `outer`
+// products. |error| <= gamma(product_terms(size of T in mode n)) |U| |T|.
+void mode_product(Device& device, const ModeView& view, const Buffer& T, ModeProduct kind,
+                  const Buffer& U, std::size_t other_size, Buffer& out);
+// Bytes that it holds beside.
+std::size_t mode_product_bytes(const Device& device, const ModeView& view, std::size_t other_size);
+
+// The mode-n Gram matrix of a tensor that comes in parts; the sums of each part are those of
+// syrk() in the given arithmetic, and the parts are added in double.
+class ModeGram {
+ public:
+  ModeGram(Device& device, std::size_t size, Arithmetic arithmetic);
+
+  // Adds a part; its view has the size of the mode. Waits for the device.
+  void add(const Buffer& T, const ModeView& view);
+
+  // size x size, symmetric.
+  const std::vector<double>& matrix() const { return matrix_; }
+
+  // Bytes that it holds on the device and here, for parts of at most `rows` = outer inner.
+  static std::size_t bytes(const Device& device, std::size_t size, std::size_t rows,
+                           Arithmetic arithmetic);
+
+ private:
+  Device& device_;
+  std::size_t size_;
+  Arithmetic arithmetic_;
+  Buffer product_;
+  std::vector<double> matrix_;
+};
+
+}  // namespace weft::ops
