@@ -10,6 +10,7 @@
 #include "bench/benchmark.hpp"
 #include "bench/codec.hpp"
 #include "bench/measure.hpp"
+#include "bench/model.hpp"
 #include "common.hpp"
 #include "job_report.hpp"
 #include "report.hpp"
@@ -22,6 +23,7 @@ namespace {
 
 struct BenchOptions {
   CodecBenchOptions codec;
+  ModelBenchOptions model;
   std::size_t repeat = 7;
   bool list = false;
   DeviceOptions device;
@@ -75,7 +77,20 @@ std::vector<Cell> row_of(const Benchmark& benchmark, const Times& times, const o
           number_cell(bound / times.least)};
 }
 
+void run_model(const BenchOptions& options) {
+  if (options.device.reference()) {
+    fail_input("--device reference: models are measured on a device");
+  }
+  const std::unique_ptr<Device> device = open_device(options.device, options.report);
+  Report report;
+  report.add("device", device->limits().name);
+  bench_model(*device, options.model, report);
+  add_device_fields(report, device);
+  report.print(options.report);
+}
+
 void run_bench(const BenchOptions& options) {
+  if (!options.model.model.empty()) return run_model(options);
   require_match(options);
   if (options.list) return list_operations(options);
   if (options.device.reference()) {
@@ -132,6 +147,14 @@ void add_bench(CLI::App& program, Action& action) {
       ->add_option("--rank", options->codec.rank,
                    "Rank of the codecs' rows (default: each codec's own)")
       ->type_name("COUNT");
+  command
+      ->add_option("--model", options->model.model,
+                   "Instead: how fast this model is decoded, in bulk and texel by texel")
+      ->type_name("FILE.weft");
+  command
+      ->add_option("--lookups", options->model.lookups, "Random texels of one call, with --model")
+      ->check(CLI::Range(1, 100'000'000))
+      ->type_name("COUNT");
   command->add_option("--repeat", options->repeat, "Runs of each operation")
       ->check(CLI::Range(1, 1000))
       ->type_name("COUNT");
@@ -151,6 +174,7 @@ void add_bench(CLI::App& program, Action& action) {
       "  weft bench\n"
       "  weft bench --list\n"
       "  weft bench --filter gemm --json\n"
+      "  weft bench --model cloth.weft\n"
       "  weft bench --filter 'codec pca' --input cloth.safetensors --rank 64");
   command->callback([options, &action] {
     options->codec.memory = options->device.memory;

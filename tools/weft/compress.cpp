@@ -15,7 +15,9 @@
 #include "selection_options.hpp"
 #include "subcommand.hpp"
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/decoded_source.hpp"
 #include "weft/codecs/measure.hpp"
+#include "weft/codecs/tt.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
 #include "weft/version.hpp"
@@ -60,12 +62,27 @@ void run_compress(const CompressOptions& options) {
   if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
   const Codec& codec = find_codec(options.codec);
   check_parameters(codec, options.parameters);
-  const std::shared_ptr<TileSource> input = open_raw_btf(options.input);
+  // A tensor train is cut further as it is, and measured against what it decodes to.
+  std::unique_ptr<Device> device;
+  std::shared_ptr<const Model> given;
+  std::shared_ptr<TileSource> input;
+  if (codec.name() == "tt" && ModelFile::looks_like(options.input)) {
+    given = read_model(options.input);
+    device = open_device(options.device, options.report);
+    input = decoded_source(device.get(), given);
+  } else {
+    input = open_raw_btf(options.input);
+  }
+  const auto* train = dynamic_cast<const TtModel*>(given.get());
   const Selection selection = make_selection(options.selection, input->info());
+  if (given && (!train || !selection.selects_all())) {
+    fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
+               options.input, given->info.codec);
+  }
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
   if (options.ssim) check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
-  std::unique_ptr<Device> device = open_device(options.device, options.report);
+  if (!given) device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
   Job& job = reported.job();
@@ -76,8 +93,9 @@ void run_compress(const CompressOptions& options) {
   // fit
   const Clock::time_point start = Clock::now();
   const std::unique_ptr<Model> model =
-      device ? codec.encode(*device, *source, options.parameters, storage, job)
-             : codec.encode_reference(*source, options.parameters, storage, job);
+      train    ? round_tt(*train, options.parameters, storage, job)
+      : device ? codec.encode(*device, *source, options.parameters, storage, job)
+               : codec.encode_reference(*source, options.parameters, storage, job);
   const double encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
   model->info.selection = to_json(selection);
   model->info.program_version = version();
@@ -135,7 +153,8 @@ void add_compress(CLI::App& program, Action& action) {
   CLI::App* command = program.add_subcommand("compress", "Compress a raw BTF into a model");
   command
       ->add_option("INPUT", options->input,
-                   "Raw BTF: .safetensors, or .npy with a .json of directions beside it")
+                   "Raw BTF: .safetensors, or .npy with a .json of directions beside it; or "
+                   "with --codec tt a model of it, which is cut further")
       ->required()
       ->type_name("");
   command->add_option("-o,--output", options->output, "Model to write: NAME.weft")
@@ -203,6 +222,8 @@ void add_compress(CLI::App& program, Action& action) {
       "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"
       "  weft compress cloth.safetensors --rank 100 --storage f32 --memory 1GiB -o cloth.weft\n"
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
+      "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"
+      "  weft compress train.weft --codec tt --target rel=0.2 -o shorter.weft\n"
       "  weft compress knit.npy --device reference --json -o knit.weft");
   command->callback([options, &action] { action = [options] { run_compress(*options); }; });
 }

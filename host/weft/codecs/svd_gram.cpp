@@ -2,14 +2,13 @@
 #include <cmath>
 
 #include "weft/codecs/svd_methods.hpp"
-#include "weft/codecs/svd_projection.hpp"
 #include "weft/ops/reals.hpp"
 #include "weft/ops/syrk.hpp"
 #include "weft/reference/factorise.hpp"
 
 namespace weft {
 
-StreamedSvd svd_gram(Device& device, PanelStream& stream, const SvdTarget& target, Job& job) {
+Spectrum gram_spectrum(Device& device, PanelStream& stream, Job& job) {
   const std::size_t m = stream.columns();
   const Arithmetic arithmetic = stream.arithmetic();
   Spectrum spectrum;
@@ -36,6 +35,11 @@ StreamedSvd svd_gram(Device& device, PanelStream& stream, const SvdTarget& targe
     for (double& value : spectrum.values) value = std::sqrt(std::max(value, 0.0));
     spectrum.vectors = std::move(eigen.vectors);
   }
+  return spectrum;
+}
+
+StreamedSvd svd_gram(Device& device, PanelStream& stream, const SvdTarget& target, Job& job) {
+  const Spectrum spectrum = gram_spectrum(device, stream, job);
   // Small directions come out mixed with each other: some more hold what the leading ones lack.
   StreamedSvd svd = project(device, stream, target, spectrum, 8, job);
   ++svd.passes;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "weft/btf/mip.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -142,6 +143,34 @@ std::unique_ptr<TtModel> TtModel::select(const Selection& selection) const {
     }
   }
   // Rounded values stay as they are under any scale that holds them.
+  return model;
+}
+
+std::unique_ptr<TtModel> TtModel::next_mip_level() const {
+  if (info.btf.encoding != Encoding::linear) return nullptr;
+  auto model = std::make_unique<TtModel>();
+  model->info = info;
+  Selection half;
+  half.level = 1;
+  model->info.btf = weft::select(info.btf, half);
+  model->info.errors.reset();  // they were measured of the whole
+  model->order = order;
+  model->ranks = ranks;
+  model->stored = stored;
+  model->cores = cores;
+  for (const Mode mode : {Mode::row, Mode::column}) {
+    // A core is [R_{n-1}][I_n][R_n]: images of one column, or one row, of R_n channels.
+    const std::size_t n = position(mode);
+    const std::size_t slice = size(n) * ranks[n + 1];
+    std::vector<float>& core = model->cores[n];
+    core.clear();
+    for (std::size_t a = 0; a < ranks[n]; ++a) {
+      const auto begin = cores[n].begin() + static_cast<std::ptrdiff_t>(a * slice);
+      std::vector<float> part(begin, begin + static_cast<std::ptrdiff_t>(slice));
+      part.resize(average_mip(part, size(n), 1, ranks[n + 1], 1));
+      core.insert(core.end(), part.begin(), part.end());
+    }
+  }
   return model;
 }
 

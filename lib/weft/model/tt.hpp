@@ -46,6 +46,10 @@ struct TtModel final : Model {
   // The part that decodes to a selection, slices of the cores; its mip level is not looked at.
   std::unique_ptr<TtModel> select(const Selection& selection) const;
 
+  // The next mip level: averages of neighbouring slices of the rows' and of the columns' core. Null
+  // unless the encoding is linear.
+  std::unique_ptr<TtModel> next_mip_level() const;
+
   // From a validated file; throws an input error where the tensors do not fit each other.
   static std::unique_ptr<TtModel> read(const ModelFile& file);
 

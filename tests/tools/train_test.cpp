@@ -1,0 +1,83 @@
+// Tensor trains by the program: goals that are met by the file, cutting a train further, and how
+// fast a model is decoded; each with bad usage.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "support/memory_btf.hpp"
+#include "support/temporary_folder.hpp"
+#include "tools/weft_process.hpp"
+#include "weft/io/raw_btf.hpp"
+
+namespace weft::test {
+namespace {
+
+using nlohmann::json;
+
+class TrainProcess : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto source = random_source({5, 6, 12, 10, 3}, DType::f16, 3);
+    const auto sink = create_raw_btf(path("cloth.safetensors"), source->info());
+    sink->write(0, source->info().shape.images(), source->bytes());
+    sink->finish();
+    const ProcessResult made = compress("cloth.safetensors", "rel=0.05", "train.weft");
+    ASSERT_EQ(made.status, 0) << made.err;
+    report_ = json::parse(made.out);
+  }
+
+  std::string path(const std::string& name) const { return folder_ / name; }
+  ProcessResult compress(const std::string& from, const std::string& target,
+                         const std::string& to) const {
+    return run_weft(
+        {"compress", path(from), "--codec", "tt", "--target", target, "--json", "-o", path(to)});
+  }
+
+  TemporaryFolder folder_;
+  json report_;
+};
+
+TEST_F(TrainProcess, MeetsGoalsAndIsCutFurther) {
+  EXPECT_LE(report_.at("errors").at("relative").get<double>(), 0.05);
+  EXPECT_EQ(report_.at("parameters").at("order"), "x,y,c,v,l");
+
+  const ProcessResult cut = compress("train.weft", "rel=0.3", "shorter.weft");
+  ASSERT_EQ(cut.status, 0) << cut.err;
+  const json shorter = json::parse(cut.out);
+  EXPECT_LE(shorter.at("errors").at("relative").get<double>(), 0.3);
+  EXPECT_LT(shorter.at("file_size").get<std::size_t>(), report_.at("file_size").get<std::size_t>());
+
+  const ProcessResult sized = compress("cloth.safetensors", "size=16KiB", "small.weft");
+  ASSERT_EQ(sized.status, 0) << sized.err;
+  EXPECT_LE(std::filesystem::file_size(path("small.weft")), 16U << 10);
+}
+
+TEST_F(TrainProcess, SaysHowFastItIs) {
+  const ProcessResult result =
+      run_weft({"bench", "--model", path("train.weft"), "--lookups", "100", "--json"});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const json report = json::parse(result.out);
+  EXPECT_EQ(report.at("codec"), "tt");
+  EXPECT_GT(report.at("texel_time").get<double>(), 0);
+  EXPECT_GT(report.at("images").at("rate").get<double>(), 0);
+  EXPECT_GT(report.at("look_ups").at("unsorted").get<double>(), 0);
+  EXPECT_EQ(run_weft({"bench", "--model", path("cloth.safetensors")}).status, 2);
+}
+
+TEST_F(TrainProcess, BadUsageIsRefused) {
+  EXPECT_EQ(compress("cloth.safetensors", "rel=2", "bad.weft").status, 2);
+  EXPECT_EQ(compress("cloth.safetensors", "size=100", "bad.weft").status, 1);
+  const ProcessResult part = run_weft(
+      {"compress", path("train.weft"), "--codec", "tt", "--views", "0-2", "-o", path("bad.weft")});
+  EXPECT_EQ(part.status, 2);
+  EXPECT_NE(part.err.find("train.weft"), std::string::npos) << part.err;
+  const ProcessResult order = run_weft({"compress", path("train.weft"), "--codec", "tt", "--order",
+                                        "l,v,c,y,x", "-o", path("bad.weft")});
+  EXPECT_EQ(order.status, 2);
+  EXPECT_NE(order.err.find("--order l,v,c,y,x"), std::string::npos) << order.err;
+  EXPECT_FALSE(std::filesystem::exists(path("bad.weft")));
+}
+
+}  // namespace
+}  // namespace weft::test

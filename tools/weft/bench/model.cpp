@@ -1,0 +1,109 @@
+#include "bench/model.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <numeric>
+#include <vector>
+
+#include "bench/measure.hpp"
+#include "weft/codecs/codec.hpp"
+#include "weft/device/tile_stream.hpp"
+#include "weft/ops/peak.hpp"
+#include "weft/reference/random.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t host_texels = 1000;
+constexpr std::size_t runs = 3;
+
+// Random texel, view and light, a record each.
+std::vector<std::uint32_t> random_records(const BtfShape& shape, std::size_t count) {
+  std::vector<std::uint32_t> records;
+  records.reserve(3 * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t value = reference::splitmix64(1, i);
+    records.push_back(static_cast<std::uint32_t>((value >> 32) % shape.texels()));
+    records.push_back(static_cast<std::uint32_t>((value & 0xffff) % shape.views));
+    records.push_back(static_cast<std::uint32_t>((value >> 16 & 0xffff) % shape.lights));
+  }
+  return records;
+}
+
+std::vector<std::uint32_t> sorted_by_texel(const std::vector<std::uint32_t>& records) {
+  std::vector<std::size_t> order(records.size() / 3);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(
+      order, [&](std::size_t a, std::size_t b) { return records[3 * a] < records[3 * b]; });
+  std::vector<std::uint32_t> sorted;
+  sorted.reserve(records.size());
+  for (const std::size_t i : order) {
+    for (std::size_t word = 0; word < 3; ++word) sorted.push_back(records[3 * i + word]);
+  }
+  return sorted;
+}
+
+double texel_seconds(const Model& model) {
+  const BtfShape& shape = model.info.btf.shape;
+  const std::vector<std::uint32_t> records = random_records(shape, host_texels);
+  std::vector<double> texel(shape.channels);
+  const auto start = std::chrono::steady_clock::now();
+  for (std::size_t i = 0; i < host_texels; ++i) {
+    const std::size_t p = records[3 * i];
+    model.decode_texel(records[3 * i + 1], records[3 * i + 2], p / shape.width, p % shape.width,
+                       texel);
+  }
+  const double seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return seconds / host_texels;
+}
+
+}  // namespace
+
+void bench_model(Device& device, const ModelBenchOptions& options, Report& report) {
+  const std::unique_ptr<Model> model = read_model(options.model);
+  const Codec& codec = find_codec(model->info.codec);
+  const BtfShape& shape = model->info.btf.shape;
+  report.add("model", options.model);
+  report.add("codec", codec.name());
+  report.add("parameters", json_cell(model->info.parameters));
+  report.add("texel_time", texel_seconds(*model) * 1e3, "ms");
+
+  const ops::Peaks peaks = ops::measure_peaks(device);
+  {
+    const auto decoder = codec.decoder(device, *model);
+    const std::size_t run = image_granule(shape);
+    Buffer out(device, run * shape.image_values() * sizeof(float), "decoded images");
+    const Times times = measure(device, runs, [&] {
+      for (std::size_t first = 0; first < shape.images(); first += run) {
+        decoder->decode(first, std::min(run, shape.images() - first), out);
+      }
+    });
+    const double flops = decoder->image_flops() * static_cast<double>(shape.images());
+    const double bytes = static_cast<double>(shape.values() * sizeof(float));
+    const double bound = std::max(flops / peaks.flops, bytes / peaks.bandwidth);
+    Report& images = report.section("images");
+    images.add("decode_time", times.least, "s");
+    images.add("rate", static_cast<double>(shape.images()) / times.least, "images/s");
+    images.add("speed", flops / times.least * 1e-9, "GFLOP/s");
+    images.add("of_bound", bound / times.least);
+  }
+  const auto sampler = codec.sampler(device, *model);
+  Report& lookups = report.section("look_ups");
+  lookups.add("count", options.lookups);
+  Buffer out(device, options.lookups * shape.channels * sizeof(float), "looked up");
+  const auto rate = [&](const std::vector<std::uint32_t>& records) {
+    Buffer in(device, records.size() * sizeof(std::uint32_t), "look-ups");
+    device.write(in, std::span<const std::uint32_t>(records));
+    const Times times = measure(device, 1, [&] {
+      sampler->look_up({1, 1, 1}, options.lookups, in, out);
+    });
+    return static_cast<double>(options.lookups) / times.least;
+  };
+  const std::vector<std::uint32_t> records = random_records(shape, options.lookups);
+  lookups.add("unsorted", rate(records), "/s");
+  lookups.add("sorted_by_texel", rate(sorted_by_texel(records)), "/s");
+}
+
+}  // namespace weft
