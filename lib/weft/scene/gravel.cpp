@@ -12,7 +12,7 @@ namespace weft {
 namespace {
 
 // Purposes of random numbers.
-enum Key : std::uint64_t { drop = 1, sand, sand_grain, lumps, grains, vein, dust };
+enum Key : std::uint64_t { drop = 1, sand, sand_grain, lumps, grains };
 
 constexpr std::size_t heap_cells = 256;
 constexpr std::size_t tries = 10;  // places a stone may come to rest at

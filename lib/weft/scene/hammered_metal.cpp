@@ -20,7 +20,7 @@ struct Strike {
 // Strikes on a jittered grid of spots, sorted by spot, and which of them can matter at a place.
 class Strikes {
  public:
-  Strikes(const HammeredMetal& metal, std::uint64_t key) : tile_(metal.tile) {
+  Strikes(const HammeredMetal& metal, std::uint64_t key) {
     for (std::size_t i = 0; i < 2; ++i) {
       const double spots = std::round(metal.tile[i] / metal.dent_size);
       count_[i] = static_cast<std::int64_t>(std::max(1.0, spots));
@@ -57,7 +57,6 @@ class Strikes {
   }
 
  private:
-  std::array<double, 2> tile_;
   std::array<std::int64_t, 2> count_{};
   std::array<double, 2> spacing_{};
   std::vector<Strike> strikes_;
