@@ -32,6 +32,7 @@ set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/encoding.cl
                          ${PROJECT_SOURCE_DIR}/kernels/look_up_record.cl
                          ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl)

@@ -19,6 +19,7 @@
 #include "weft/btf/copy_images.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
+#include "weft/codecs/tucker.hpp"
 #include "weft/error.hpp"
 #include "weft/io/image_folder.hpp"
 #include "weft/io/npy.hpp"
@@ -32,7 +33,8 @@ struct DecompressOptions {
   std::string output;
   std::string format = "exr";
   std::string compression = "zip";
-  std::string dtype;  // of the model's raw tensor, or F16 for EXR
+  std::string expand;  // modes, "y,x"
+  std::string dtype;   // of the model's raw tensor, or F16 for EXR
   std::size_t threads = 0;
   bool replace = false;
   SelectionOptions selection;
@@ -97,7 +99,7 @@ std::size_t tensor_bytes(const Model& model) {
 void run_decompress(const DecompressOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
-  std::shared_ptr<const Model> model = read_model(options.model);
+  std::shared_ptr<const Model> model = expand_modes(read_model(options.model), options.expand);
   const Codec& codec = find_codec(model->info.codec);
   const Selection selection = make_selection(options.selection, model->info.btf);
   Selection part = selection;
@@ -192,6 +194,11 @@ void add_decompress(CLI::App& program, Action& action) {
                    "Threads that encode and write images; 0: as many as the machine has")
       ->check(CLI::Range(0, 256))
       ->type_name("COUNT");
+  command
+      ->add_option("--expand", options->expand,
+                   "Modes of a tucker model, as y,x, whose factors are multiplied into the core "
+                   "once: memory for speed")
+      ->type_name("MODES");
   command->add_flag("--replace", options->replace,
                     "Let an existing folder that is not empty give way");
   add_selection_options(*command, options->selection);
@@ -205,7 +212,8 @@ void add_decompress(CLI::App& program, Action& action) {
       "  weft decompress cloth.weft -o images/\n"
       "  weft decompress cloth.weft --format png --views 0,40 --lights 0-5 -o png/\n"
       "  weft decompress cloth.weft --region 0,0,64x64 --dtype f32 -o part.npy\n"
-      "  weft decompress cloth.weft --level 2 -o small.safetensors");
+      "  weft decompress cloth.weft --level 2 -o small.safetensors\n"
+      "  weft decompress tensors.weft --expand y,x -o images/");
   command->callback([options, &action] { action = [options] { run_decompress(*options); }; });
 }
 

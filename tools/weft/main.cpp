@@ -27,6 +27,7 @@ namespace weft {
 void add_synth(CLI::App& program, Action& action);
 void add_import(CLI::App& program, Action& action);
 void add_compress(CLI::App& program, Action& action);
+void add_reduce(CLI::App& program, Action& action);
 void add_decompress(CLI::App& program, Action& action);
 void add_verify(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
@@ -41,8 +42,8 @@ namespace {
 using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
-    add_synth,  add_import, add_compress, add_decompress, add_verify, add_info,
-    add_render, add_sheet,  add_devices,  add_bench,      add_tune,
+    add_synth, add_import, add_compress, add_reduce,  add_decompress, add_verify,
+    add_info,  add_render, add_sheet,    add_devices, add_bench,      add_tune,
 };
 
 constexpr int bad_usage = static_cast<int>(ErrorKind::input);

@@ -17,6 +17,7 @@
 #include "subcommand.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/measure.hpp"
+#include "weft/codecs/tucker.hpp"
 #include "weft/device/tile_stream.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -27,6 +28,7 @@ namespace {
 
 struct VerifyOptions {
   std::string model;
+  std::string expand;  // modes, "y,x"
   std::string against;
   double tolerance = 1;
   std::string nan = "error";
@@ -118,7 +120,7 @@ void run_verify(const VerifyOptions& options) {
   if (options.device.reference()) {
     fail_input("--device reference: the check needs a device to compare the reference with");
   }
-  const std::unique_ptr<Model> model = read_model(options.model);
+  const std::unique_ptr<Model> model = expand_modes(read_model(options.model), options.expand);
   const Codec& codec = find_codec(model->info.codec);
   std::shared_ptr<TileSource> raw;
   if (options.ssim) {
@@ -213,6 +215,11 @@ void add_verify(CLI::App& program, Action& action) {
   CLI::App* command = program.add_subcommand(
       "verify", "Check a model: device against reference, and both against the raw BTF");
   command->add_option("MODEL", options->model, "Model: .weft")->required()->type_name("");
+  command
+      ->add_option("--expand", options->expand,
+                   "Modes of a tucker model, as y,x, whose factors are multiplied into the core "
+                   "before both decode it")
+      ->type_name("MODES");
   command
       ->add_option("--against", options->against,
                    "Raw BTF that the model was made of; the model's selection of it is taken")

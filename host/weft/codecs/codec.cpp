@@ -7,6 +7,7 @@
 #include "weft/codecs/lpca.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/tt.hpp"
+#include "weft/codecs/tucker.hpp"
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
 #include "weft/reference/lookup.hpp"
@@ -31,8 +32,8 @@ double lookup_tolerance(const Codec& codec, const Model& model, const LookupShap
 }
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 4> table{&pca_codec(), &view_pca_codec(), &lpca_codec(),
-                                                 &tt_codec()};
+  static const std::array<const Codec*, 5> table{&pca_codec(), &view_pca_codec(), &lpca_codec(),
+                                                 &tt_codec(), &tucker_codec()};
   return table;
 }
 

@@ -21,6 +21,8 @@ extern const KernelSource look_up_factors;
 extern const KernelSource look_up_train;
 extern const KernelSource pack_mode;
 extern const KernelSource look_up_raw;
+extern const KernelSource look_up_tucker;
+extern const KernelSource pack_mode;
 extern const KernelSource peak;
 extern const KernelSource permute;
 extern const KernelSource reduce_mip;
@@ -33,6 +35,7 @@ extern const KernelSource syrk;
 extern const KernelSource syrk_rows;
 extern const KernelSource transcode_tile;
 extern const KernelSource tsqr;
+extern const KernelSource turn_channels;
 extern const KernelSource unfold_tile;
 extern const KernelSource weigh_directions;
 }  // namespace kernel_sources

@@ -1,0 +1,234 @@
+#include "weft/codecs/tucker.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "weft/codecs/fit_tucker.hpp"
+#include "weft/codecs/tucker_decoder.hpp"
+#include "weft/codecs/tucker_options.hpp"
+#include "weft/error.hpp"
+#include "weft/model/tucker.hpp"
+#include "weft/model/tucker_parts.hpp"
+#include "weft/ops/launch.hpp"
+#include "weft/reference/tucker.hpp"
+
+namespace weft {
+namespace {
+
+const TuckerModel& as_tucker(const Model& model) {
+  return dynamic_cast<const TuckerModel&>(model);
+}
+
+// "v":61,"l":27
+std::string ranks_json(const ModeGroups& groups, std::span<const std::size_t> ranks) {
+  std::string text;
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    text += fmt::format("{}\"{}\":{}", text.empty() ? "" : ",", groups.groups()[n].name, ranks[n]);
+  }
+  return text;
+}
+
+class TuckerReferenceDecoder final : public ReferenceDecoder {
+ public:
+  explicit TuckerReferenceDecoder(const TuckerModel& model) : model_(model) {}
+  void decode(std::size_t first, std::size_t count, std::span<double> out) override {
+    reference::decode_tucker(model_, first, count, out);
+  }
+
+ private:
+  const TuckerModel& model_;
+};
+
+class TuckerCodec final : public Codec {
+ public:
+  std::string_view name() const override { return "tucker"; }
+  std::string_view summary() const override {
+    return "N-mode SVD: a core and a factor per mode, as TensorTextures";
+  }
+  std::span<const ParameterSpec> parameters() const override { return tucker_parameters; }
+
+  std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
+                                Storage storage, Job& job) const override {
+    const TuckerParameters asked =
+        tucker_options(*this, parameters, source.info(), storage, &device);
+    ops::require_arithmetic(device, asked.options.gram);
+    job.plan(plan_tucker(device, source, asked.options, job));
+    return finish(fit_tucker(device, source, asked.options, job), asked, source.info(), job);
+  }
+
+  std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                          Storage storage, Job& job) const override {
+    const TuckerParameters asked =
+        tucker_options(*this, parameters, source.info(), storage, nullptr);
+    return finish(reference::encode_tucker(source, asked.options.request, job), asked,
+                  source.info(), job);
+  }
+
+  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+    return as_tucker(model).select(selection);
+  }
+
+  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+    return tucker_decoder(device, as_tucker(model));
+  }
+  std::size_t decoder_bytes(const Model& model) const override {
+    return tucker_decoder_bytes(as_tucker(model));
+  }
+  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+    return std::make_unique<TuckerReferenceDecoder>(as_tucker(model));
+  }
+
+  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+    return tucker_sampler(device, as_tucker(model));
+  }
+  std::size_t sampler_bytes(const Model& model) const override {
+    return tucker_sampler_bytes(as_tucker(model));
+  }
+
+  // A value is sum Z(r) prod u_n(r_n); in any order of float contractions the error is at most
+  // gamma(t) sum |Z| prod |u_n|, t the roundings of all, and that at most |Z'| prod |u_n| by
+  // Cauchy-Schwarz, Z' the part of the core that the modes without factors leave, and of those with
+  // a factor all.
+  double decode_tolerance(const Model& model) const override {
+    const TuckerModel& tucker = as_tucker(model);
+    double terms = 1;
+    double bound = largest_slice(tucker);
+    for (std::size_t n = 0; n < tucker.groups.count(); ++n) {
+      if (!tucker.has_factor(n)) continue;
+      const std::size_t rank = tucker.ranks[n];
+      double largest = 0;
+      for (std::size_t i = 0; i < tucker.factors[n].size(); i += rank) {
+        double square = 0;
+        for (std::size_t r = 0; r < rank; ++r) {
+          square += double{tucker.factors[n][i + r]} * double{tucker.factors[n][i + r]};
+        }
+        largest = std::max(largest, square);
+      }
+      bound *= std::sqrt(largest);
+      terms += static_cast<double>(rank) + 2 * std::ceil(static_cast<double>(rank) / 96) + 3;
+    }
+    constexpr double unit = 0x1p-24;
+    return terms * unit / (1 - terms * unit) * bound + terms * 0x1p-149;
+  }
+
+  std::unique_ptr<Model> read(const ModelFile& file) const override {
+    return TuckerModel::read(file);
+  }
+
+ private:
+  // Largest norm of what is left of the core when modes without a factor have an index each.
+  static double largest_slice(const TuckerModel& model) {
+    std::vector<std::size_t> strides(model.ranks.size(), 0);  // among slices; 0: summed over
+    std::size_t slices = 1;
+    for (std::size_t n = model.ranks.size(); n-- > 0;) {
+      if (model.has_factor(n)) continue;
+      strides[n] = slices;
+      slices *= model.ranks[n];
+    }
+    std::vector<double> squares(slices, 0.0);
+    std::vector<std::size_t> index(model.ranks.size(), 0);
+    std::size_t slice = 0;
+    for (const float value : model.core) {
+      squares[slice] += double{value} * double{value};
+      for (std::size_t n = index.size(); n-- > 0;) {
+        slice += strides[n];
+        if (++index[n] < model.ranks[n]) break;
+        slice -= strides[n] * model.ranks[n];
+        index[n] = 0;
+      }
+    }
+    return std::sqrt(*std::max_element(squares.begin(), squares.end()));
+  }
+
+  std::unique_ptr<Model> finish(TuckerFit fit, const TuckerParameters& asked, const BtfInfo& source,
+                                Job& job) const {
+    const TuckerRequest& request = asked.options.request;
+    TuckerModel& model = *fit.model;
+    model.info.codec = name();
+    model.info.storage = request.storage;
+    model.info.btf = source;
+    const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
+    const double factors =
+        std::sqrt(std::max(0.0, fit.errors.squares - fit.errors.core_squares) / squares);
+    std::string errors = fmt::format("\"factors_error\":{:.6g}", factors);
+    const bool iterates = request.method == TuckerMethod::hooi;
+    if (request.method == TuckerMethod::hosvd) {
+      errors += fmt::format(",\"error_bound\":{:.6g}", std::sqrt(fit.errors.bound / squares));
+    } else if (!iterates) {
+      errors += fmt::format(",\"discarded\":{:.6g}", std::sqrt(fit.errors.discarded / squares));
+    }
+    std::string how(name_of(request.method));
+    if (iterates) how += fmt::format(" ({} from {})", request.iterations, name_of(request.start));
+    model.info.parameters = fmt::format(
+        R"({{"merge":"{}","method":"{}","start":"{}","iterations":{},"target":"{}","arithmetic":"{}",)"
+        R"("ranks":{{{}}},"sizes":{{{}}},{}}})",
+        request.groups.merge(), name_of(request.method), iterates ? name_of(request.start) : "",
+        iterates ? request.iterations : 0, asked.goal.text,
+        asked.options.gram == Arithmetic::f64 ? "f64" : "f32",
+        ranks_json(model.groups, model.ranks), ranks_json(model.groups, model.groups.sizes()),
+        errors);
+    job.notes.push_back(fmt::format("{}, ranks {}; |D|^2 - |Z|^2: relative error {:.6g}", how,
+                                    ranks_json(model.groups, model.ranks), factors));
+    if (request.method == TuckerMethod::hosvd && !asked.goal) {
+      job.notes.push_back(fmt::format("bound of the relative error, eq. (4): {:.6g}",
+                                      std::sqrt(fit.errors.bound / squares)));
+    } else if (request.method == TuckerMethod::sthosvd) {
+      job.notes.push_back(fmt::format("discarded singular values: relative error {:.6g}",
+                                      std::sqrt(fit.errors.discarded / squares)));
+    }
+    if (!asked.note.empty()) job.notes.push_back(asked.note);
+    model.round_to_storage();
+    check_goal(model, request, asked);
+    return std::move(fit.model);
+  }
+
+  // The size is met by what is written, header and directions and all: the last ranks are cut by
+  // that.
+  void check_goal(TuckerModel& model, const TuckerRequest& request,
+                  const TuckerParameters& asked) const {
+    if (request.bytes == 0) return;
+    std::vector<std::uint8_t> factors;
+    for (std::size_t n = 0; n < model.ranks.size(); ++n) {
+      factors.push_back(model.has_factor(n) ? 1 : 0);
+    }
+    const TuckerBytes bytes = tucker_bytes(request, factors);
+    for (std::size_t size = model_file_size(model); size > request.bytes;
+         size = model_file_size(model)) {
+      const double numbers = bytes.of(model.ranks);
+      TuckerRequest smaller = request;
+      const double over = static_cast<double>(size - request.bytes);
+      if (over >= numbers) fail_size(size, asked);
+      smaller.bytes = static_cast<std::size_t>(numbers - over);
+      const std::vector<std::size_t> before = model.ranks;
+      cut_to_goal(model, smaller, 1.0, 0.0);
+      if (model.ranks == before) fail_size(size, asked);
+      model.round_to_storage();
+    }
+  }
+
+  [[noreturn]] static void fail_size(std::size_t size, const TuckerParameters& asked) {
+    fail(ErrorKind::unmet_goal, "--target {}: the smallest ranks take {} bytes, {} are allowed",
+         asked.goal.text, size, asked.goal.bytes);
+  }
+};
+
+}  // namespace
+
+const Codec& tucker_codec() {
+  static const TuckerCodec codec;
+  return codec;
+}
+
+std::unique_ptr<Model> expand_modes(std::unique_ptr<Model> model, std::string_view modes) {
+  if (modes.empty()) return model;
+  const auto* tucker = dynamic_cast<const TuckerModel*>(model.get());
+  if (tucker == nullptr) {
+    fail_input("--expand {}: a model of codec {} has no modes to expand", modes, model->info.codec);
+  }
+  return expanded(*tucker, modes);
+}
+
+}  // namespace weft

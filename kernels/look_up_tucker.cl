@@ -1,0 +1,107 @@
+// Look-ups in Tucker models whose factors of texels and channels were multiplied into the core
+// (Vasilescu & Terzopoulos 2004, eq. (9)). A filtered value is
+//
+//   sum_{t,a,b} u_t v_a w_b sum_{i,j} T[p_t, c, i, j] V[v_a, i] L[l_b, c, j]
+//     = sum_{i,j} (sum_t u_t T[p_t, c, i, j]) (sum_a v_a V[v_a, i]) (sum_b w_b L[l_b, c, j])
+//
+// Where views and lights are one mode, L's rows are those of view and light, [V L], and V is 1.
+//
+//   T: [P][C][RANK_V][L8] vectors of 8 floats, C = 1 where channels are with the lights
+//   V: [V][V8] vectors of 8;  L: [L or V L][channels with them][L8] vectors of 8
+//   out: [count][CHANNELS]
+//
+// Work-item (block of LOOKUPS look-ups). Macros beside those of look_up_record.cl:
+//
+// RANK_V          rank of the views
+// VIEWS_MERGED    1: views and lights are one mode
+// LIGHT_CHANNELS  1: so are lights and channels
+#include "look_up_record.cl"
+
+#ifndef RANK_V
+#define RANK_V 1
+#endif
+#ifndef VIEWS_MERGED
+#define VIEWS_MERGED 0
+#endif
+#ifndef LIGHT_CHANNELS
+#define LIGHT_CHANNELS 0
+#endif
+
+#if VIEWS_MERGED
+#define ROWS (VIEWS * LIGHTS)
+#else
+#define ROWS LIGHTS
+#endif
+#define V8 ((RANK_V + 7) / 8)
+
+inline float sum8(float8 x) {
+  const float4 four = x.lo + x.hi;
+  const float2 two = four.lo + four.hi;
+  return two.lo + two.hi;
+}
+
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void look_up_tucker(ulong count, ulong lights, ulong l8,
+                             __global const uint* restrict lookups,
+                             __global const float* restrict V, __global const float* restrict L,
+                             __global const float* restrict T, __global float* restrict out) {
+  const ulong end = min((get_global_id(0) + 1) * LOOKUPS, count);
+  for (ulong at = get_global_id(0) * LOOKUPS; at < end; ++at) {
+    __global const uint* record = lookups + at * WORDS;
+    // the row of views
+    float v[RANK_V];
+#if VIEWS_MERGED
+    v[0] = 1.0f;
+#else
+    for (uint i = 0; i < RANK_V; ++i) {
+      float sum = 0.0f;
+      for (uint a = 0; a < VIEWS; ++a) {
+        sum = fma(view_weight(record, a), V[(ulong)view_of(record, a) * V8 * 8 + i], sum);
+      }
+      v[i] = sum;
+    }
+#endif
+    // rows of lights
+    ulong row[ROWS];
+    float w[ROWS];
+    for (uint b = 0; b < LIGHTS; ++b) {
+#if VIEWS_MERGED
+      for (uint a = 0; a < VIEWS; ++a) {
+        row[a * LIGHTS + b] = view_of(record, a) * lights + light_of(record, b);
+        w[a * LIGHTS + b] = view_weight(record, a) * light_weight(record, b);
+      }
+#else
+      row[b] = light_of(record, b);
+      w[b] = light_weight(record, b);
+#endif
+    }
+    for (uint c = 0; c < CHANNELS; ++c) {
+      float8 sum = 0.0f;
+      for (ulong j = 0; j < l8; ++j) {
+        float8 light = 0.0f;
+        for (uint b = 0; b < ROWS; ++b) {
+#if LIGHT_CHANNELS
+          light = fma((float8)w[b], vload8((row[b] * CHANNELS + c) * l8 + j, L), light);
+#else
+          light = fma((float8)w[b], vload8(row[b] * l8 + j, L), light);
+#endif
+        }
+        float8 texel = 0.0f;
+        for (uint t = 0; t < TEXELS; ++t) {
+#if LIGHT_CHANNELS
+          const ulong first = (ulong)texel_of(record, t) * RANK_V * l8 + j;
+#else
+          const ulong first = ((ulong)texel_of(record, t) * CHANNELS + c) * RANK_V * l8 + j;
+#endif
+          float8 views = 0.0f;
+          for (uint i = 0; i < RANK_V; ++i) {
+            views = fma((float8)v[i], vload8(first + i * l8, T), views);
+          }
+          texel = fma((float8)texel_weight(record, t), views, texel);
+        }
+        sum = fma(light, texel, sum);
+      }
+      out[at * CHANNELS + c] = sum8(sum);
+    }
+  }
+}

@@ -1,0 +1,240 @@
+#include "weft/model/tucker.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+#include "weft/error.hpp"
+#include "weft/model/component_scale.hpp"
+#include "weft/model/selected_indices.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t core_axis = 0;    // of Z: slices of the first mode
+constexpr std::size_t factor_axis = 1;  // of U_n [I_n][R_n]
+
+std::string factor_name(const ModeGroup& group) {
+  return "factor." + group.name;
+}
+
+std::size_t product(std::span<const std::size_t> sizes) {
+  return std::accumulate(sizes.begin(), sizes.end(), std::size_t{1}, std::multiplies<>());
+}
+
+// sum over the indices of all modes from n on of Z times the rows of the factors; a mode without a
+// factor has its one index.
+double contract(const TuckerModel& model, std::span<const std::size_t> indices, std::size_t n,
+                std::size_t offset) {
+  if (n == model.groups.count()) return double{model.core[offset]};
+  offset *= model.ranks[n];
+  if (!model.has_factor(n)) return contract(model, indices, n + 1, offset + indices[n]);
+  const float* row = model.factors[n].data() + indices[n] * model.ranks[n];
+  double sum = 0;
+  for (std::size_t r = 0; r < model.ranks[n]; ++r) {
+    sum += double{row[r]} * contract(model, indices, n + 1, offset + r);
+  }
+  return sum;
+}
+
+// The lists of indices that a selection keeps of each mode.
+std::array<std::vector<std::size_t>, mode_count> kept_indices(const BtfShape& shape,
+                                                              const Selection& selection) {
+  const SelectedIndices indices = selected_indices(shape, selection);
+  const Region region = selection.region.value_or(Region{0, 0, shape.width, shape.height});
+  std::array<std::vector<std::size_t>, mode_count> kept;
+  kept[index_of(Mode::view)] = indices.views;
+  kept[index_of(Mode::light)] = indices.lights;
+  kept[index_of(Mode::channel)] = indices.channels;
+  for (std::size_t y = 0; y < region.height; ++y) {
+    kept[index_of(Mode::row)].push_back(region.y + y);
+  }
+  for (std::size_t x = 0; x < region.width; ++x) {
+    kept[index_of(Mode::column)].push_back(region.x + x);
+  }
+  return kept;
+}
+
+// Rows `rows` of mode n of a row-major tensor [outer][n][inner].
+std::vector<float> take(std::span<const float> T, std::size_t outer, std::size_t n,
+                        std::size_t inner, std::span<const std::size_t> rows) {
+  std::vector<float> part;
+  part.reserve(outer * rows.size() * inner);
+  for (std::size_t o = 0; o < outer; ++o) {
+    for (const std::size_t row : rows) {
+      const auto from = T.begin() + static_cast<std::ptrdiff_t>((o * n + row) * inner);
+      part.insert(part.end(), from, from + static_cast<std::ptrdiff_t>(inner));
+    }
+  }
+  return part;
+}
+
+}  // namespace
+
+void TuckerModel::set_groups(ModeGroups modes) {
+  groups = std::move(modes);
+  ranks = groups.sizes();
+  factors.assign(groups.count(), {});
+  group_of_modes_.clear();
+  for (const Mode mode : all_modes) {
+    group_of_modes_.push_back(static_cast<std::uint8_t>(groups.group_of(mode)));
+  }
+}
+
+std::vector<ModelTensor> TuckerModel::tensors() const {
+  std::vector<ModelTensor> list{
+      {"modes", {mode_count}, DType::u8, std::as_bytes(std::span(group_of_modes_))},
+      {"core", ranks, DType::f32, std::as_bytes(std::span(core)), core_axis}};
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    if (!has_factor(n)) continue;
+    const ModeGroup& group = groups.groups()[n];
+    list.push_back({factor_name(group),
+                    {group.size, ranks[n]},
+                    DType::f32,
+                    std::as_bytes(std::span(factors[n])),
+                    factor_axis});
+  }
+  return list;
+}
+
+void TuckerModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+                               std::span<double> out) const {
+  std::vector<std::size_t> indices(groups.count());
+  const std::array<std::size_t, mode_count> at{view, light, y, x, 0};
+  for (std::size_t c = 0; c < info.btf.shape.channels; ++c) {
+    std::fill(indices.begin(), indices.end(), std::size_t{0});
+    for (const Mode mode : all_modes) {
+      const std::size_t index = mode == Mode::channel ? c : at[index_of(mode)];
+      indices[groups.group_of(mode)] += index * groups.stride(mode);
+    }
+    out[c] = contract(*this, indices, 0, 0);
+  }
+}
+
+std::size_t TuckerModel::coefficients() const {
+  std::size_t sum = core.size();
+  for (const std::vector<float>& factor : factors) sum += factor.size();
+  return sum;
+}
+
+// The last mode with a factor first: what is summed there is not summed again. Channels that are no
+// mode of their own are decoded one by one; else they come last, all from one vector.
+std::size_t TuckerModel::texel_operations() const {
+  const std::size_t channels = info.btf.shape.channels;
+  const std::size_t channel = groups.group_of(Mode::channel);
+  const bool alone = groups.groups()[channel].modes.size() == 1;
+  std::size_t values = alone ? ranks[channel] : 1;  // left of the core where all are contracted
+  std::size_t operations = 0;
+  std::vector<std::size_t> contracted;
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    if (has_factor(n) && !(alone && n == channel)) contracted.push_back(ranks[n]);
+  }
+  // the largest ranks first leave the least behind
+  std::sort(contracted.begin(), contracted.end());
+  for (const std::size_t rank : contracted) {
+    operations += values * (2 * rank - 1);
+    values *= rank;
+  }
+  if (!alone) return operations * channels;
+  return operations + (has_factor(channel) ? channels * (2 * ranks[channel] - 1) : 0);
+}
+
+void TuckerModel::round_to_storage() {
+  if (info.storage == Storage::f32) return;
+  round_to_scaled_half(core, component_layout(ranks, core_axis));
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    if (!has_factor(n)) continue;
+    const std::array<std::size_t, 2> shape{groups.groups()[n].size, ranks[n]};
+    round_to_scaled_half(factors[n], component_layout(shape, factor_axis));
+  }
+}
+
+std::unique_ptr<TuckerModel> TuckerModel::select(const Selection& selection) const {
+  Selection part = selection;
+  part.level = 0;
+  auto model = std::make_unique<TuckerModel>();
+  model->info = info;
+  model->info.btf = weft::select(info.btf, part);
+  model->info.errors.reset();  // they were measured of the whole
+  model->set_groups(ModeGroups(model->info.btf.shape, groups.merge()));
+  model->core = core;
+
+  const auto kept = kept_indices(info.btf.shape, part);
+  std::vector<std::size_t> sizes = ranks;  // of the core so far
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    // rows of the group, its last mode fastest
+    std::vector<std::size_t> rows{0};
+    for (const Mode mode : groups.groups()[n].modes) {
+      std::vector<std::size_t> longer;
+      for (const std::size_t row : rows) {
+        for (const std::size_t index : kept[index_of(mode)]) {
+          longer.push_back(row + index * groups.stride(mode));
+        }
+      }
+      rows = std::move(longer);
+    }
+    if (has_factor(n)) {
+      model->factors[n] = take(factors[n], 1, groups.groups()[n].size, ranks[n], rows);
+      model->ranks[n] = ranks[n];
+      continue;
+    }
+    const std::size_t outer = product(std::span(sizes).first(n));
+    const std::size_t inner = product(std::span(sizes).subspan(n + 1));
+    model->core = take(model->core, outer, sizes[n], inner, rows);
+    sizes[n] = rows.size();
+    model->ranks[n] = sizes[n];
+  }
+  return model;
+}
+
+std::unique_ptr<TuckerModel> TuckerModel::read(const ModelFile& file) {
+  if (file.info().codec != "tucker") {
+    file.reject("metadata \"codec\": \"" + file.info().codec + "\" instead of \"tucker\"");
+  }
+  auto model = std::make_unique<TuckerModel>();
+  model->info = file.info();
+  const BtfShape& shape = model->info.btf.shape;
+
+  // Modes of the same number are merged; the numbers must be those that this makes.
+  const std::vector<std::uint32_t> numbers = file.index_tensor("modes", {mode_count}, mode_count);
+  std::string merge;
+  for (std::uint32_t g = 0; g < mode_count; ++g) {
+    std::string group;
+    for (const Mode mode : all_modes) {
+      if (numbers[index_of(mode)] == g) group += name_of(mode);
+    }
+    if (group.size() > 1) merge += (merge.empty() ? "" : ",") + group;
+  }
+  try {
+    model->set_groups(ModeGroups(shape, merge));
+  } catch (const Error& error) {
+    file.reject(std::string("tensor \"modes\": ") + error.what());
+  }
+  if (!std::equal(numbers.begin(), numbers.end(), model->group_of_modes_.begin())) {
+    file.reject("tensor \"modes\": groups are not numbered in the order of the core");
+  }
+
+  // The core's shape says the ranks; a mode without a factor is as long as the tensor.
+  const std::vector<std::size_t>& found = file.shape_of("core");
+  if (found.size() != model->groups.count()) {
+    file.reject("tensor \"core\": shape " + shape_text(found) + " has not one size per mode");
+  }
+  for (std::size_t n = 0; n < found.size(); ++n) {
+    const ModeGroup& group = model->groups.groups()[n];
+    const std::string name = factor_name(group);
+    if (found[n] == 0) file.reject("tensor \"core\": shape " + shape_text(found) + " holds a 0");
+    model->ranks[n] = found[n];
+    if (file.file().find(name) == nullptr) {
+      if (found[n] != group.size) {
+        file.reject("tensor \"core\": shape " + shape_text(found) + ", but there is no tensor \"" +
+                    name + "\" for mode " + group.name + " of size " + std::to_string(group.size));
+      }
+      continue;
+    }
+    model->factors[n] = file.real_tensor(name, {group.size, found[n]}, factor_axis);
+  }
+  model->core = file.real_tensor("core", found, core_axis);
+  return model;
+}
+
+}  // namespace weft
