@@ -54,14 +54,14 @@ TensorTiles::TensorTiles(Device& device, TileSource& source, const ModeGroups& g
   }
 }
 
-// Images that are not mapped are read whole for every slot: it then holds as many blocks as a
-// quarter of a gibibyte does.
+// A slot holds many blocks: images that are not mapped are read whole for every slot, and of mapped
+// ones the pages are found anew for every slot.
 std::size_t TensorTiles::slot_texels() const {
   const BtfInfo& info = source_.info();
-  if (!source_.mapped(0, 1).empty()) return granule_;
+  const std::size_t most = std::size_t{source_.mapped(0, 1).empty() ? 256u : 96u} << 20;
   const std::size_t block =
       granule_ * info.shape.images() * info.shape.channels * size_of(info.dtype);
-  const std::size_t blocks = std::max<std::size_t>(1, (std::size_t{256} << 20) / block);
+  const std::size_t blocks = std::max<std::size_t>(1, most / block);
   return std::min(blocks * granule_, ops::round_up(info.shape.texels(), granule_));
 }
 
