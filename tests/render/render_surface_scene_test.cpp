@@ -220,7 +220,8 @@ TEST(RenderSurfaceScene, LightPassesUnderASlab) {
         // View and light from +x. The view ray of x meets the floor at x - 1.
         const bool edge = std::abs(low - 4.5) < 2 * margin || std::abs(low - 2) < 2 * margin;
         const bool top = low > 2 && high < 4;
-        const bool side = low >= 4 - 2 * margin && high < 4.5 + margin;  // whose normals are of either face
+        const bool side =
+            low >= 4 - 2 * margin && high < 4.5 + margin;  // whose normals are of either face
         if (!edge && !side) {
           EXPECT_NEAR(at(0, 0, texel, 0), top ? lit : 0, 1e-6) << i;
           EXPECT_NEAR(at(0, 0, texel, 1), top ? 0 : lit, 1e-6) << i;

@@ -436,7 +436,6 @@ TEST(RenderSurface, SmallForTheSimulator) {
     expect_confined(small_cloth(32), 5, 3, 9, dtype, 2, 0);
   }
   expect_confined(net(16, true), 5, 3, 9, DType::f32, 1, 1);
-
 }
 
 }  // namespace

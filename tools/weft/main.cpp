@@ -79,6 +79,17 @@ int report_error(const std::string& command, const std::string& message, int sta
   return status;
 }
 
+// The error to report: what failed because the user stopped it (a driver's compiler, for one, gives
+// up on a signal) was stopped by the user.
+Error explained(const Error& error) {
+  try {
+    check_interrupt();
+  } catch (const Error& interrupted) {
+    return interrupted;
+  }
+  return error;
+}
+
 int run(int argc, char** argv) {
   CLI::App program("Compresses bidirectional texture functions and decompresses them.", "weft");
   program.set_version_flag("--version", std::string("weft ") + version(), "Print the version");
@@ -115,7 +126,8 @@ int run(int argc, char** argv) {
     install_signal_handlers();
     action();
     return 0;
-  } catch (const Error& error) {
+  } catch (const Error& failure) {
+    const Error error = explained(failure);
     return report_error(command, error.what(), static_cast<int>(error.kind()));
   } catch (const std::bad_alloc&) {
     return report_error(command, "out of memory", runtime_failure);

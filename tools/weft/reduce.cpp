@@ -71,9 +71,7 @@ void add_reduce(CLI::App& program, Action& action) {
       "core that is given up. The new model's errors are not known: 'weft verify' measures them.\n"
       "\n"
       "Examples:\n"
-      "  weft compress cloth.safetensors --codec tucker --merge yxc --ranks v=61,l=27 -o "
-      "cloth.weft\n"
-      "  weft reduce cloth.weft --ranks l=9 -o sharp.weft\n"
+      "  weft reduce cloth.weft --ranks l=9 -o sharp.weft    (of --codec tucker, say with l=27)\n"
       "  weft verify sharp.weft --against cloth.safetensors");
   command->callback([options, &action] { action = [options] { run_reduce(*options); }; });
 }
