@@ -202,7 +202,7 @@ RawLevelsPlan plan_raw_levels(const Device& device, const ImageStream& images, s
 }
 
 std::vector<std::unique_ptr<DeviceSampler>> raw_samplers(Device& device,
-                                                         std::shared_ptr<ImageStream> images,
+                                                         const std::shared_ptr<ImageStream>& images,
                                                          std::size_t first, std::size_t levels,
                                                          const RawLevelsPlan& plan) {
   const BtfInfo& info = images->info();

@@ -42,7 +42,7 @@ RawLevelsPlan plan_raw_levels(const Device& device, const ImageStream& images, s
 // Samplers of levels [first, levels), as planned. Goes through the images once where one is
 // resident. A look-up in a streamed level goes through all images.
 std::vector<std::unique_ptr<DeviceSampler>> raw_samplers(Device& device,
-                                                         std::shared_ptr<ImageStream> images,
+                                                         const std::shared_ptr<ImageStream>& images,
                                                          std::size_t first, std::size_t levels,
                                                          const RawLevelsPlan& plan);
 

@@ -63,7 +63,7 @@ Cut plan(const Device& device, const BtfInfo& info, const SurfaceRenderOptions& 
   Cut cut;
   cut.lights = std::clamp<std::size_t>(options.tile_bytes / info.image_bytes(), 1, shape.lights);
   // Whole chunks of lights waste no lanes.
-  const std::size_t lanes = ops::vector_width(device);
+  const std::size_t lanes = std::max<std::size_t>(ops::vector_width(device), 1);
   if (cut.lights < shape.lights && cut.lights > lanes) cut.lights -= cut.lights % lanes;
   const std::size_t allocation = device.limits().largest_allocation;
   const std::size_t hit_bytes = record_bytes(options);

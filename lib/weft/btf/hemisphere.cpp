@@ -142,6 +142,7 @@ void Hemisphere::make_chain(std::span<const std::uint32_t> distinct, const Vecto
   }
   std::sort(by_angle.begin(), by_angle.end());
   const std::size_t n = by_angle.size();
+  if (n == 0) return;
   std::size_t first = 0;
   double widest = by_angle[0].first - by_angle[n - 1].first + 2 * std::numbers::pi;
   for (std::size_t i = 1; i < n; ++i) {
@@ -327,7 +328,8 @@ DirectionWeights Hemisphere::at(const std::array<double, 3>& direction) const {
     if (direction[2] < 0) result.scale = 0;
     return result;
   }
-  DirectionWeights result = on_edge(static_cast<std::size_t>(~place), d);
+  const std::int32_t edge = ~place;
+  DirectionWeights result = on_edge(static_cast<std::size_t>(edge), d);
   if (direction[2] < 0) {
     result.scale = 0;
     return result;
