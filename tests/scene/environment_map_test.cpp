@@ -133,6 +133,10 @@ TEST(EnvironmentMap, RefusesBadTexels) {
   texels[13] = std::numeric_limits<float>::quiet_NaN();
   expect_error(ErrorKind::input, {"map", "row 1, column 1", "nan"},
                [&] { EnvironmentMap(2, 3, texels, "map"); });
+  // What it lights would be infinite.
+  texels[13] = 2e20f;
+  expect_error(ErrorKind::input, {"map", "row 1, column 1", "2e+20", "1e+20"},
+               [&] { EnvironmentMap(2, 3, texels, "map"); });
 }
 
 TEST(EnvironmentMap, IsReadFromExr) {

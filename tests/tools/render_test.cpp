@@ -318,6 +318,16 @@ TEST_F(Render, ReportsTimesAndWhatWasRendered) {
   EXPECT_NE(text.out.find("frames per second"), std::string::npos) << text.out;
 }
 
+// A dark exposure makes the background's light bright: it stays a float, also behind what hides it.
+TEST_F(Render, TheBrightestBackgroundIsFinite) {
+  const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
+  report({input, "--size", "12", "--background", "1e6", "--exposure", "-100", "-o", path("p.exr")});
+  const std::vector<float> light = light_of(path("p.exr"));
+  for (const float value : light) EXPECT_TRUE(std::isfinite(value));
+  EXPECT_NEAR(light[0], 0x1p100 * 1e6, 1e-6 * 0x1p100 * 1e6);
+  EXPECT_LT(middle_of(path("p.exr"))[0], 1);
+}
+
 TEST_F(Render, BackgroundCameraAndToneAreAsAsked) {
   const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
   // the corner shows the background as given, whatever the exposure
@@ -426,6 +436,7 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--tone", "filmy", "-o", output},
                               {input, "--background", "1,2", "-o", output},
                               {input, "--background", "-1", "-o", output},
+                              {input, "--background", "1e39", "-o", output},
                               {input, "--turntable", "0", "-o", path("t")},
                               {input, "--turntable", "2", "--light-sweep", "2", "-o", path("t")},
                               {input, "--turntable", "2", "--compare", input, "-o", path("t")},

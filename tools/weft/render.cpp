@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -121,7 +122,10 @@ class Finish {
     const double factor = std::exp2(-*exposure_);
     for (std::array<float, 4>& pixel : picture.pixels) {
       for (std::size_t c = 0; c < 3; ++c) {
-        pixel[c] += (1 - pixel[3]) * static_cast<float>(factor * request_.background[c]);
+        // of a float, so that where nothing of it is seen nothing is added
+        const double behind =
+            std::min<double>(factor * request_.background[c], std::numeric_limits<float>::max());
+        pixel[c] += (1 - pixel[3]) * static_cast<float>(behind);
       }
     }
   }

@@ -22,6 +22,9 @@
 namespace weft {
 namespace {
 
+// White is 1; far from where exposures carry it out of the range of float.
+constexpr double brightest_background = 1e6;
+
 // Numbers between commas.
 std::vector<double> parse_numbers(std::string_view text, std::string_view option,
                                   std::string_view form) {
@@ -195,6 +198,12 @@ RenderRequest make_render_request(const RenderOptions& options) {
       fail_input("--background: '{}' is not L or R,G,B", options.background);
     }
     request.background = colour_of(numbers, options.background, "--background");
+    for (const double channel : request.background) {
+      if (channel > brightest_background) {
+        fail_input("--background: '{}' has a value above {}", options.background,
+                   brightest_background);
+      }
+    }
   }
   add_lights(options, request);
   scene.shape = make_shape(options);

@@ -16,6 +16,9 @@ namespace {
 
 using std::numbers::pi;
 
+// Of radiance: far from where a float no longer holds what a point reflects of it.
+constexpr float brightest = 1e20f;
+
 // Relative luminance of linear light with the primaries of Rec. 709.
 double luminance(const std::array<float, 3>& color) {
   return 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
@@ -52,6 +55,10 @@ EnvironmentMap::EnvironmentMap(std::size_t rows, std::size_t columns, std::vecto
     if (!std::isfinite(radiance_[i])) {
       fail_input("{}: texel (row {}, column {}) is {}", where, i / 3 / columns, i / 3 % columns,
                  radiance_[i]);
+    }
+    if (radiance_[i] > brightest) {
+      fail_input("{}: texel (row {}, column {}) is {}, above {}", where, i / 3 / columns,
+                 i / 3 % columns, radiance_[i], brightest);
     }
     radiance_[i] = std::max(radiance_[i], 0.0f);
   }
