@@ -15,6 +15,7 @@ constexpr std::size_t unreached = std::numeric_limits<std::size_t>::max();
 std::vector<std::size_t> steps_along_columns(std::span<const std::uint8_t> mask, std::size_t height,
                                              std::size_t width, bool other) {
   std::vector<std::size_t> steps(height * width, unreached);
+  if (height == 0) return steps;
   for (std::size_t x = 0; x < width; ++x) {
     // Twice down and twice up: the second turn knows what lies across the border.
     std::size_t since = unreached;
@@ -37,6 +38,12 @@ std::vector<std::size_t> steps_along_columns(std::span<const std::uint8_t> mask,
 // Distance of every texel to the nearest one of kind `other`, both measured at their centres.
 void fill_distances(std::span<const std::uint8_t> mask, std::size_t height, std::size_t width,
                     bool other, std::span<double> distances) {
+  // Views without holes are common, and would have every column searched from every texel.
+  if (std::none_of(mask.begin(), mask.end(),
+                   [other](std::uint8_t value) { return (value != 0) == other; })) {
+    std::fill(distances.begin(), distances.end(), std::numeric_limits<double>::infinity());
+    return;
+  }
   const std::vector<std::size_t> steps = steps_along_columns(mask, height, width, other);
   for (std::size_t y = 0; y < height; ++y) {
     for (std::size_t x = 0; x < width; ++x) {

@@ -57,8 +57,9 @@ class WindowMeans {
 std::array<double, ssim_window> ssim_weights() {
   std::array<double, ssim_window> weights{};
   double sum = 0;
+  constexpr std::size_t centre = ssim_window / 2;
   for (std::size_t t = 0; t < ssim_window; ++t) {
-    const double distance = static_cast<double>(t) - static_cast<double>(ssim_window / 2);
+    const double distance = static_cast<double>(t) - static_cast<double>(centre);
     weights[t] = std::exp(-distance * distance / (2 * sigma * sigma));
     sum += weights[t];
   }

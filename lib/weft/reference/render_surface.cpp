@@ -229,8 +229,9 @@ void render_surface_mask_reference(const Surface& surface, const SurfaceRenderOp
     const ViewMarch march = march_of_view(surface, info.view_directions[view]);
     for (std::size_t part = 0; part < fine.size(); ++part) {
       const auto [u, v] = sample_offset(options.seed, view, part, 0);
+      const std::size_t row = part / width;
       const auto column = static_cast<double>(part % width);
-      const auto top = static_cast<double>(height - part / width);
+      const auto top = static_cast<double>(height - row);
       double margin = widest_margin;
       const SurfaceHit hit = trace_view(surface, march, (column + u) * columns_per_part,
                                         (top - v) * rows_per_part, margin);
