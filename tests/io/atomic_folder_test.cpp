@@ -63,6 +63,24 @@ TEST(AtomicFolder, ReplacesOnlyWhereAskedTo) {
   EXPECT_EQ(entries(here / "."), 1u);
 }
 
+TEST(AtomicFolder, FollowsLinks) {
+  const TemporaryFolder here;
+  fs::create_directory(here / "real");
+  fs::create_directory_symlink("real", here / "link");
+  for (const bool replace : {false, true}) {
+    AtomicFolder folder(here / "link", replace);
+    put(folder.temporary() / (replace ? "second" : "first"));
+    folder.commit();
+    EXPECT_TRUE(fs::is_symlink(here / "link"));
+    EXPECT_EQ(entries(here / "real"), 1u);
+    EXPECT_TRUE(fs::exists(here / (replace ? "real/second" : "real/first")));
+    EXPECT_EQ(entries(here / "."), 2u);
+  }
+  fs::create_directory_symlink("nothing", here / "dangling");
+  expect_error(ErrorKind::input, {"dangling", "link"},
+               [&] { AtomicFolder(here / "dangling", true); });
+}
+
 TEST(AtomicFolder, RefusesWhatIsNoFolder) {
   const TemporaryFolder here;
   put(here / "file");

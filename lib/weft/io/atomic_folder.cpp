@@ -29,6 +29,11 @@ fs::path hidden_folder_beside(const fs::path& path) {
 AtomicFolder::AtomicFolder(const fs::path& folder, bool replace)
     : folder_(plain(folder)), replace_(replace) {
   std::error_code error;
+  // A link stays: the folder that it leads to is the one to be made.
+  if (fs::is_symlink(folder_, error)) {
+    folder_ = fs::canonical(folder_, error);
+    if (error) fail_input("{}: a link to no folder: {}", folder.string(), error.message());
+  }
   const fs::file_status status = fs::status(folder_, error);
   if (fs::exists(status)) {
     if (!fs::is_directory(status)) fail_input("{}: exists and is no folder", folder_.string());
