@@ -401,10 +401,12 @@ TEST_F(Render, HostileFilesAreNamed) {
 TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
   const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
   const std::string output = path("p.png");
+  fs::create_directory(path("d-difference.png"));
   const std::size_t before = entries();
   for (const Arguments& arguments :
        std::vector<Arguments>{{},
                               {input},
+                              {input, "--compare", input, "-o", path("d.png")},
                               {input, "-o", path("p.jpg")},
                               {input, "-o", path("no/p.png")},
                               {path("none.safetensors"), "-o", output},

@@ -81,7 +81,6 @@ Outputs plan_outputs(const RenderOptions& options) {
   if (!fs::is_directory(folder)) {
     fail_input("--output: '{}': there is no folder '{}'", options.output, folder.string());
   }
-  if (fs::is_directory(outputs.picture)) fail_input("--output: '{}' is a folder", options.output);
   if (!options.compare.empty()) {
     const auto beside = [&](const char* what, const fs::path& extension) {
       fs::path path = outputs.picture;
@@ -91,6 +90,9 @@ Outputs plan_outputs(const RenderOptions& options) {
     };
     outputs.original = beside("original", outputs.picture.extension());
     outputs.difference = beside("difference", ".png");
+  }
+  for (const fs::path& path : {outputs.picture, outputs.original, outputs.difference}) {
+    if (fs::is_directory(path)) fail_input("--output: '{}' is a folder", path.string());
   }
   return outputs;
 }
