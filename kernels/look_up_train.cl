@@ -77,7 +77,8 @@ inline void multiply(const float* in, ulong length, __global const float* slice,
 inline uint chain(__global const ulong* steps, uint count, __global const float* cores,
                   __global const uint* record, uint texel, ulong width, float vectors[2][LONGEST]) {
   uint from = 0;
-  vectors[0][0] = 1.0f;
+  // A side without cores is a vector of one; what pads it meets zeros, and must not be NaN.
+  vstore8((float8)(1.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f), 0, vectors[0]);
   for (uint s = 0; s < count; ++s, from = 1 - from) {
     const uint mode = (uint)steps[4 * s];
     const ulong length = steps[4 * s + 1], out8 = steps[4 * s + 2];
