@@ -198,10 +198,10 @@ class ObjReader {
       normal =
           sum(normal, cross(position(corners_[i]), position(corners_[(i + 1) % corners_.size()])));
     }
-    while (corners_.size() > 3) {
+    for (std::size_t n = corners_.size(); n > 3; --n) {
       std::size_t ear = 0;
-      while (ear < corners_.size() && !is_ear(ear, normal)) ++ear;
-      const std::size_t n = corners_.size(), at = ear < n ? ear : 1;
+      while (ear < n && !is_ear(ear, normal)) ++ear;
+      const std::size_t at = ear < n ? ear : 1;
       mesh_.triangles.push_back({corners_[(at + n - 1) % n], corners_[at], corners_[(at + 1) % n]});
       corners_.erase(corners_.begin() + static_cast<std::ptrdiff_t>(at));
     }
