@@ -54,6 +54,13 @@ Batch random_batch(std::size_t points, std::size_t samples) {
   return batch;
 }
 
+// The same points, seen so large that they look into the finest level alone, which is stored as it
+// is: nothing is rounded to bytes or halves again.
+Batch seen_large(Batch batch) {
+  for (ShadingPoint& point : batch.points) point.footprint = {0, 0};
+  return batch;
+}
+
 std::vector<PointRadiance> shade(Shader& shader, const Batch& batch, Job& job) {
   std::vector<PointRadiance> radiance(batch.points.size());
   shader.shade(batch.points, batch.lights, radiance, job);
@@ -138,6 +145,9 @@ TEST(Shade, DeviceAndReferenceAgreeOfRaw) {
     const auto reference = make_shader(nullptr, source, job);
     EXPECT_TRUE(all_near(flat(shade(*device, batch, job)), flat(shade(*reference, batch, job)),
                          3 * sample_tolerance(m.dtype)));
+    const Batch large = seen_large(batch);
+    EXPECT_TRUE(all_near(flat(shade(*device, large, job)), flat(shade(*reference, large, job)),
+                         3 * sample_tolerance(DType::f32)));
   }
 }
 
@@ -158,6 +168,11 @@ TEST(Shade, DeviceAndReferenceAgreeOfModels) {
                            2 * 2 * sample_tolerance(DType::f32) +
                                2 * codec->decode_tolerance(*model) * 40 +
                                (m.masked ? 2 * sample_tolerance(DType::u8) : 0)))
+          << codec->name();
+      const Batch large = seen_large(batch);
+      EXPECT_TRUE(
+          all_near(flat(shade(*device, large, job)), flat(shade(*reference, large, job)),
+                   2 * 2 * sample_tolerance(DType::f32) + 2 * codec->decode_tolerance(*model) * 40))
           << codec->name();
     }
   }
