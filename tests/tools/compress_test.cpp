@@ -13,6 +13,7 @@
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
+#include "tools/example_model.hpp"
 #include "tools/weft_process.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -362,6 +363,14 @@ TEST_F(Compress, VerifyComparesAllThree) {
   EXPECT_EQ(report.at("errors").at(0).at("rmse"), report.at("errors").at(2).at("rmse"));
   EXPECT_NEAR(report.at("errors").at(1).at("rmse").get<double>(),
               report.at("errors").at(0).at("rmse").get<double>(), 1e-7);
+}
+
+// A NaN of the device counts, whatever is decoded behind it.
+TEST_F(Compress, VerifyFailsWhereTheDeviceHasNoNumber) {
+  const ProcessResult result =
+      run_weft({"verify", write_overflowing_model(path("overflow.weft")), "--tolerance", "1e30"});
+  EXPECT_EQ(result.status, 1);
+  EXPECT_NE(result.err.find("differ by nan"), std::string::npos) << result.err;
 }
 
 TEST_F(Compress, VerifyFailsBeyondItsTolerance) {

@@ -11,4 +11,7 @@ namespace weft::test {
 // 18.0625). Returns the path.
 std::filesystem::path write_pca_model(const std::filesystem::path& path, const BtfShape& shape);
 
+// A `tt` model of two texels, of which the first is infinity times 0 in float, and 0 in double.
+std::filesystem::path write_overflowing_model(const std::filesystem::path& path);
+
 }  // namespace weft::test
