@@ -10,8 +10,8 @@
 
 namespace weft {
 
-ReportedJob::ReportedJob(const DeviceOptions& device, const OutputOptions& output)
-    : output_(output) {
+ReportedJob::ReportedJob(const DeviceOptions& device, const OutputOptions& output, std::string unit)
+    : output_(output), unit_(std::move(unit)) {
   job_.memory = device.memory;
   job_.on_plan = [this](const MemoryPlan& plan) {
     plan_ = plan;
@@ -22,14 +22,17 @@ ReportedJob::ReportedJob(const DeviceOptions& device, const OutputOptions& outpu
       items +=
           fmt::format("{}{} {}", items.empty() ? "" : ", ", item.what, format_bytes(item.bytes));
     }
-    fmt::print(stderr, "memory: {} of {} ({})\n", format_bytes(plan.total()),
-               format_bytes(plan.limit), items);
+    std::string line = fmt::format("memory: {} of {} ({})", format_bytes(plan.total()),
+                                   format_bytes(plan.limit), items);
+    if (line == shown_plan_) return;  // as of every frame of a turntable
+    fmt::print(stderr, "{}\n", line);
+    shown_plan_ = std::move(line);
   };
   job_.progress = [this](const std::string& stage, std::size_t done, std::size_t total) {
     if (stage != stage_) {
       finish_progress();
       stage_ = stage;
-      progress_ = std::make_unique<Progress>(output_, stage, total);
+      progress_ = std::make_unique<Progress>(output_, stage, total, unit_);
     }
     progress_->update(done);
   };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "common.hpp"
 #include "progress.hpp"
@@ -15,7 +16,9 @@ namespace weft {
 // work on standard error (not under --quiet).
 class ReportedJob {
  public:
-  ReportedJob(const DeviceOptions& device, const OutputOptions& output);
+  // `unit` is what the job's stages count.
+  ReportedJob(const DeviceOptions& device, const OutputOptions& output,
+              std::string unit = "images");
   ReportedJob(const ReportedJob&) = delete;
   ReportedJob& operator=(const ReportedJob&) = delete;
 
@@ -29,6 +32,8 @@ class ReportedJob {
   OutputOptions output_;
   Job job_;
   MemoryPlan plan_;
+  std::string shown_plan_;  // the line as it was said last
+  std::string unit_;
   std::string stage_;
   std::unique_ptr<Progress> progress_;
 };

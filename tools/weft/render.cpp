@@ -142,6 +142,13 @@ void render_frames(const RenderOptions& options, const Scene& scene, Shader& mat
                    Finish& finish, AtomicFolder& folder, Job& job) {
   const bool turns = options.turntable > 0;
   const std::size_t frames = turns ? options.turntable : options.light_sweep;
+  // one progress for all frames
+  const auto progress = job.progress;
+  const std::string stage = fmt::format("render {} {}:", frames, frames == 1 ? "frame" : "frames");
+  std::size_t frames_done = 0;
+  job.progress = [&](const std::string&, std::size_t done, std::size_t total) {
+    progress(stage, frames_done * total + done, frames * total);
+  };
   for (std::size_t frame = 0; frame < frames; ++frame) {
     check_interrupt();
     Picture picture = render(
@@ -151,8 +158,9 @@ void render_frames(const RenderOptions& options, const Scene& scene, Shader& mat
     const StageTimer timer(job, "write");
     write_picture(folder.temporary() / fmt::format("frame-{:05}.{}", frame, options.format),
                   picture, finish.tone());
-    job.advance("frames", frame + 1, frames);
+    ++frames_done;
   }
+  job.progress = progress;
   folder.commit();
 }
 
@@ -173,7 +181,7 @@ void run_render(const RenderOptions& options) {
   std::optional<AtomicFolder> folder;
   if (frames > 0) folder.emplace(options.output, false);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
-  ReportedJob reported(options.device, options.report);
+  ReportedJob reported(options.device, options.report, "pixels");
   Job& job = reported.job();
   const std::size_t pixels = scene.camera.width * scene.camera.height;
   // another picture, the display values of two, and the bytes of a file
