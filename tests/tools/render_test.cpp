@@ -424,6 +424,7 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--turn", "20", "-o", output},
                               {input, "--target", "0,0,nan", "-o", output},
                               {input, "--distance", "-1", "-o", output},
+                              {input, "--distance", "nan", "-o", output},
                               {input, "--fov", "180", "-o", output},
                               {input, "--light", "30", "-o", output},
                               {input, "--light", "30,40,-1", "-o", output},
@@ -445,12 +446,48 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--compare", path("none.safetensors"), "-o", output},
                               {input, "--compare", input, "--size", "10", "-o", output},
                               {input, "--difference", "0", "--compare", input, "-o", output},
+                              {input, "--difference", "nan", "--compare", input, "-o", output},
+                              {input, "--turntable", "2", "-o", output},
+                              {input, "--light-sweep", "2", "-o", path("p.exr")},
                               {input, "--device", "no such device", "-o", output}}) {
     const ProcessResult result = render(arguments);
     EXPECT_EQ(result.status, 2) << testing::PrintToString(arguments) << result.err;
     EXPECT_EQ(result.err.find("weft render: error: "), 0u) << result.err;
     EXPECT_EQ(entries(), before) << testing::PrintToString(arguments);
   }
+}
+
+// What the pictures go into is looked at before the work: there is no memory plan in the message.
+TEST_F(Render, OutputsThatCannotBeMadeAreFoundFirst) {
+  const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
+  const auto refused = [&](const Arguments& arguments, const std::string& name) {
+    const ProcessResult result = render(arguments);
+    EXPECT_EQ(result.status, 2) << result.err;
+    EXPECT_NE(result.err.find(name), std::string::npos) << result.err;
+    EXPECT_EQ(result.err.find("memory: "), std::string::npos) << result.err;
+  };
+  refused({input, "--size", "12", "-o", "/proc/p.png"}, "/proc/p.png");
+  fs::create_directory(path("p-difference.png"));
+  refused({input, "--size", "12", "--compare", input, "-o", path("p.png")}, "p-difference.png");
+  EXPECT_FALSE(fs::exists(path("p.png")));
+  EXPECT_FALSE(fs::exists(path("p-original.png")));
+}
+
+TEST_F(Render, ProgressCountsThePixelsOfAllFrames) {
+  const std::string input = write_random(path("raw.safetensors"), 7);
+  const ProcessResult one = render({input, "--size", "12", "-o", path("p.png")});
+  EXPECT_EQ(one.status, 0) << one.err;
+  EXPECT_NE(one.err.find("render 144 pixels in "), std::string::npos) << one.err;
+  const ProcessResult frames = render({input, "--size", "12", "--turntable", "3", "-o", path("t")});
+  EXPECT_EQ(frames.status, 0) << frames.err;
+  EXPECT_NE(frames.err.find("render 3 frames: 432 pixels in "), std::string::npos) << frames.err;
+  EXPECT_EQ(frames.err.find("images/s"), std::string::npos) << frames.err;
+  // the memory of loading and of rendering, not again for every frame
+  std::size_t plans = 0;
+  for (std::size_t at = 0; (at = frames.err.find("memory: ", at)) != std::string::npos; ++at) {
+    ++plans;
+  }
+  EXPECT_LE(plans, 2u) << frames.err;
 }
 
 TEST_F(Render, HelpHasExamples) {

@@ -226,6 +226,34 @@ TEST(Synth, NamesWhatIsWrongWithAMaterial) {
   EXPECT_FALSE(std::filesystem::exists(folder / "m.npy"));
 }
 
+// Fields that are in range each, but not together.
+TEST(Synth, NamesTheFileOfFieldsThatDoNotAgree) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "mine.json").string();
+  std::ofstream(file) << R"({"kind": "net", "rows": 3})";
+  const ProcessResult result =
+      run_weft({"synth", "--material", file, "--size", "4", "-o", (folder / "m.npy").string()});
+  EXPECT_EQ(result.status, 2);
+  EXPECT_NE(result.err.find("mine.json': net: rows is 3"), std::string::npos) << result.err;
+  EXPECT_FALSE(std::filesystem::exists(folder / "m.npy"));
+}
+
+// Before the material is made, which can be seen: this one can't be made.
+TEST(Synth, LooksAtTheOutputFirst) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "mine.json").string();
+  std::ofstream(file) << R"({"kind": "net", "rows": 3})";
+  std::filesystem::create_directory(folder / "m.json");
+  for (const std::string& output :
+       {(folder / "missing" / "m.safetensors").string(), (folder / "m.npy").string(),
+        std::string("/proc/m.safetensors")}) {
+    const ProcessResult result = run_weft({"synth", "--material", file, "-o", output});
+    EXPECT_EQ(result.status, 2) << output;
+    EXPECT_EQ(result.err.find("rows"), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("/m."), std::string::npos) << result.err;
+  }
+}
+
 TEST(Synth, RefusesBadOptions) {
   const TemporaryFolder folder;
   const std::string output = (folder / "cloth.safetensors").string();

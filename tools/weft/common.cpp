@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "weft/error.hpp"
+#include "weft/io/atomic_file.hpp"
 
 namespace weft {
 namespace {
@@ -92,6 +93,10 @@ OutputKind output_kind(const std::filesystem::path& path) {
       "{}: unknown kind of output '{}'; known: .safetensors (raw BTF), .npy, .weft (model), or a "
       "folder for images (a name without extension, or one that ends in /)",
       path.string(), extension);
+}
+
+void check_can_create(const std::filesystem::path& path) {
+  const AtomicFile temporary(path);  // which is removed again
 }
 
 }  // namespace weft

@@ -58,4 +58,7 @@ enum class OutputKind {
 // Throws an input error for any other extension.
 OutputKind output_kind(const std::filesystem::path& path);
 
+// Throws an input error if a file of that name can't be made: to be found before the work.
+void check_can_create(const std::filesystem::path& path);
+
 }  // namespace weft

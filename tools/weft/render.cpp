@@ -67,13 +67,17 @@ Picture render(const Scene& scene, Shader& material, Job& job) {
   return render_picture(RayCaster(scene), material, job);
 }
 
+bool is_picture_name(const fs::path& path) {
+  return path.extension() == ".png" || path.extension() == ".exr";
+}
+
 // Where the output and what goes beside it will be.
 struct Outputs {
   fs::path picture;
   fs::path original, difference;  // with --compare
 };
 
-// Checks the names before the work: their endings, and that their folder exists.
+// Checks the names before the work: their endings, and that files can be made there.
 Outputs plan_outputs(const RenderOptions& options) {
   Outputs outputs{options.output, {}, {}};
   picture_format(outputs.picture, "--output");
@@ -92,7 +96,9 @@ Outputs plan_outputs(const RenderOptions& options) {
     outputs.difference = beside("difference", ".png");
   }
   for (const fs::path& path : {outputs.picture, outputs.original, outputs.difference}) {
+    if (path.empty()) continue;
     if (fs::is_directory(path)) fail_input("--output: '{}' is a folder", path.string());
+    check_can_create(path);
   }
   return outputs;
 }
@@ -171,7 +177,12 @@ void run_render(const RenderOptions& options) {
     fail_input("--compare takes one picture, not the frames of --turntable or --light-sweep");
   }
   Outputs outputs;
-  if (frames == 0) outputs = plan_outputs(options);
+  if (frames == 0) {
+    outputs = plan_outputs(options);
+  } else if (is_picture_name(options.output)) {
+    fail_input("--output: '{}' is a picture's name; --turntable and --light-sweep fill a folder",
+               options.output);
+  }
   const RenderRequest request = make_render_request(options);
   const Scene& scene = request.scene;
   if (!options.compare.empty()) check_ssim(scene.camera.height, scene.camera.width, 1.0);

@@ -174,6 +174,9 @@ void turn_lights(Scene& scene, double degrees) {
 }  // namespace
 
 RenderRequest make_render_request(const RenderOptions& options) {
+  // what the checks of the options let pass
+  if (std::isnan(options.distance)) fail_input("--distance: nan is no number");
+  if (std::isnan(options.difference)) fail_input("--difference: nan is no number");
   RenderRequest request;
   Scene& scene = request.scene;
   scene.camera = make_camera(options);

@@ -71,6 +71,17 @@ void list_fields(const std::string& kind) {
   }
 }
 
+// Fields that only together are wrong are found here: the message says of which material.
+Surface make_named_surface(const Material& material, const ImageSize& size,
+                           const std::string& name) {
+  try {
+    return make_surface(material, size.width, size.height);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input) throw;
+    fail_input("--material: '{}': {}", name, error.what());
+  }
+}
+
 void run_synth(const SynthOptions& options) {
   if (options.list) return list_materials();
   if (!options.print.empty()) {
@@ -82,6 +93,8 @@ void run_synth(const SynthOptions& options) {
   // Everything that can be wrong with the request is found before any work.
   const ImageSize size = parse_image_size(options.size, "--size");
   const bool npy = is_npy_output(options.output);
+  check_can_create(options.output);
+  if (npy) check_can_create(std::filesystem::path(options.output).replace_extension(".json"));
   Material material = find_material(options.material, "--material");
   if (options.material_seed) material.set_seed(*options.material_seed);
   BtfInfo info;
@@ -105,7 +118,7 @@ void run_synth(const SynthOptions& options) {
   std::optional<Device> device;
   if (!options.device.reference()) device.emplace(options.device.device, options.device.profile);
   const auto start = std::chrono::steady_clock::now();
-  const Surface surface = make_surface(material, size.width, size.height);
+  const Surface surface = make_named_surface(material, size, options.material);
   // The file says first what each view meets.
   if (device) {
     render_surface_mask(*device, surface, render, info);
