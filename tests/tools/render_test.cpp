@@ -417,6 +417,7 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--size", "0", "-o", output},
                               {input, "--size", "12by12", "-o", output},
                               {input, "--samples", "0", "-o", output},
+                              {input, "--seed", "-1", "-o", output},
                               {input, "--eye", "1,2", "-o", output},
                               {input, "--eye", "0,0,0", "-o", output},
                               {input, "--eye", "1,2,3", "--turn", "20,30", "-o", output},

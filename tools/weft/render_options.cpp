@@ -276,9 +276,8 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   scene(command.add_option("--samples", options.samples, "Rays per pixel"))
       ->check(CLI::Range(1, 65536))
       ->type_name("COUNT");
-  scene(command.add_option("--seed", options.seed, "Seed of the samples of the environment"))
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("NUMBER");
+  add_seed_option(command, options.seed, "the samples of the environment");
+  scene(command.get_option("--seed"))->default_str(fmt::format("{}", options.seed));
 
   const auto camera = [&](auto* option) { return option->group("Camera"); };
   auto* turn = camera(
