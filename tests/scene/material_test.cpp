@@ -51,6 +51,25 @@ TEST_P(EveryPreset, MakesAValidSurface) {
   EXPECT_GT(surface.highest, surface.lowest);
 }
 
+TEST_P(EveryPreset, HoldsWhatWasForeseen) {
+  const Material material = find_material(GetParam(), "--material");
+  const SurfaceExtent extent = surface_extent(material, 16, 16);
+  const Surface surface = make_surface(material, 16, 16);
+  EXPECT_EQ(surface.columns, extent.columns);
+  EXPECT_EQ(surface.rows, extent.rows);
+  EXPECT_LE(surface.layers.size(), extent.layers);
+  std::size_t undersides = 0, bytes = 0;
+  for (const SurfaceLayer& layer : surface.layers) {
+    if (!layer.underside.empty()) ++undersides;
+    bytes += (layer.elevation.size() + layer.underside.size()) * sizeof(float) +
+             layer.samples.size() * sizeof(SurfaceSample) +
+             layer.colors.size() * sizeof(SurfaceColor);
+  }
+  EXPECT_LE(undersides, extent.undersides);
+  EXPECT_LE(bytes, extent.bytes());
+  EXPECT_GE(3 * bytes, extent.bytes());
+}
+
 TEST_P(EveryPreset, DependsOnItsSeedOnly) {
   Material material = find_material(GetParam(), "--material");
   const Surface first = make_surface(material, 8, 8);

@@ -117,8 +117,8 @@ TEST(Synth, SameOptionsGiveTheSameFileWhateverTheMemory) {
     return bytes_of(folder / name);
   };
   const std::string whole = render("a.safetensors", {});
-  EXPECT_EQ(render("b.safetensors", {"--memory", "64KiB"}), whole);
-  EXPECT_EQ(render("c.safetensors", {"--memory", "1"}), whole);
+  EXPECT_EQ(render("b.safetensors", {"--memory", "6700KiB"}), whole);
+  EXPECT_EQ(render("c.safetensors", {"--memory", "7MiB"}), whole);
   EXPECT_NE(render("d.safetensors", {"--seed", "1"}), whole);
 }
 
@@ -299,6 +299,25 @@ TEST(Synth, RefusesBadOptions) {
                 (folder / "missing" / "cloth.safetensors").string()});
   EXPECT_TRUE(result.status == 2 || result.status == 4) << result.status;
   EXPECT_NE(result.err.find("missing"), std::string::npos) << result.err;
+}
+
+TEST(Synth, MemoryHoldsTheSurfaceToo) {
+  const TemporaryFolder folder;
+  for (const std::string material : {"weave", "knit"}) {
+    const std::string output = (folder / (material + ".safetensors")).string();
+    const std::vector<std::string> device = {"--device", "reference"};
+    for (const bool reference : {false, true}) {
+      std::vector<std::string> arguments = {"synth", "--material",  material, "--size",
+                                            "8",     "--view-set",  "1",      "-o",
+                                            output,  "--light-set", "1",      "--memory"};
+      arguments.emplace_back("1MiB");
+      if (reference) arguments.insert(arguments.end(), device.begin(), device.end());
+      const ProcessResult result = run_weft(arguments);
+      EXPECT_EQ(result.status, 2) << result.err;
+      EXPECT_NE(result.err.find("surface"), std::string::npos) << result.err;
+      EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+    }
+  }
 }
 
 TEST(Synth, StopsCleanlyWhenInterrupted) {

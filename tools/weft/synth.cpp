@@ -21,6 +21,7 @@
 #include "weft/error.hpp"
 #include "weft/io/npy.hpp"
 #include "weft/io/raw_btf.hpp"
+#include "weft/job.hpp"
 #include "weft/reference/render_surface.hpp"
 #include "weft/render/render_surface.hpp"
 #include "weft/scene/material.hpp"
@@ -30,6 +31,10 @@ namespace {
 
 // Runs of images larger than this gain nothing.
 constexpr std::size_t largest_tile = std::size_t{64} << 20;
+// Of the 16 rays through a texel: their mask, squared distances and distances.
+constexpr std::size_t mask_work_bytes = 16 * 32;
+// Of a sample of one texel, before its lights are added up.
+constexpr std::size_t least_texel_bytes = surface_hit_bytes + surface_bounce_bytes;
 
 struct SynthOptions {
   std::string material = "weave";
@@ -82,6 +87,28 @@ Surface make_named_surface(const Material& material, const ImageSize& size,
   }
 }
 
+// What stays in memory besides the images in the making.
+MemoryPlan plan_synth(const SynthOptions& options, const SurfaceExtent& extent,
+                      const BtfInfo& info) {
+  const BtfShape& shape = info.shape;
+  MemoryPlan plan;
+  plan.limit = options.device.memory;
+  plan.add("surface", extent.bytes());
+  if (!options.device.reference()) {
+    const std::size_t layers = extent.layers, undersides = extent.undersides;
+    plan.add("surface on the device",
+             extent.cells() * DeviceSurface::cell_bytes(layers, undersides));
+    plan.add("surface on its way",
+             extent.cells() * DeviceSurface::copied_cell_bytes(layers, undersides));
+  }
+  if (extent.undersides > 0) {
+    // Of all views, as found and as written; and what one view's distances are found by.
+    plan.add("masks", 2 * shape.views * shape.texels() * (sizeof(std::uint8_t) + sizeof(float)) +
+                          mask_work_bytes * shape.texels());
+  }
+  return plan;
+}
+
 void run_synth(const SynthOptions& options) {
   if (options.list) return list_materials();
   if (!options.print.empty()) {
@@ -113,7 +140,14 @@ void run_synth(const SynthOptions& options) {
   render.samples = options.samples;
   render.seed = options.seed;
   render.bounces = options.bounces;
-  render.tile_bytes = std::clamp<std::size_t>(options.device.memory / 8, 1, largest_tile);
+  MemoryPlan plan = plan_synth(options, surface_extent(material, size.width, size.height), info);
+  // At least an image of each in the making has to fit.
+  const std::size_t least_tile = std::max(info.image_bytes(), options.samples * least_texel_bytes);
+  const std::size_t room = options.device.memory - std::min(options.device.memory, plan.total());
+  render.tile_bytes =
+      std::clamp<std::size_t>(room / surface_tiles, least_tile, std::max(least_tile, largest_tile));
+  plan.add("images in the making", surface_tiles * render.tile_bytes);
+  plan.check();
 
   std::optional<Device> device;
   if (!options.device.reference()) device.emplace(options.device.device, options.device.profile);
@@ -148,6 +182,7 @@ void run_synth(const SynthOptions& options) {
   report.add("bounces", options.bounces);
   report.add("seed", options.seed);
   report.add("device", device ? device->limits().name : std::string("reference"));
+  report.add("memory_planned", bytes_cell(plan.total()));
   report.add("file_size", bytes_cell(std::filesystem::file_size(options.output)));
   report.add("time", seconds, "s");
   const double samples = static_cast<double>(info.shape.images()) *

@@ -33,7 +33,10 @@ Buffer upload(Device& device, const std::vector<Value>& values, const char* name
 }
 
 Buffer upload_heights(Device& device, const Surface& surface) {
+  std::size_t tables = surface.layers.size();
+  for (const SurfaceLayer& layer : surface.layers) tables += layer.underside.empty() ? 0 : 1;
   std::vector<Quad> quads;
+  quads.reserve(tables * surface.columns * surface.rows);
   for (const SurfaceLayer& layer : surface.layers) add_quads(surface, layer.elevation, quads);
   for (const SurfaceLayer& layer : surface.layers) {
     if (!layer.underside.empty()) add_quads(surface, layer.underside, quads);
@@ -47,6 +50,7 @@ Buffer upload_layers(Device& device, const Surface& surface,
                      std::vector<Value> SurfaceLayer::*table, const char* name) {
   static_assert(sizeof(Value) == 4 * sizeof(float), "read as float4");
   std::vector<Value> values;
+  values.reserve(surface.layers.size() * surface.columns * surface.rows);
   for (const SurfaceLayer& layer : surface.layers) {
     values.insert(values.end(), (layer.*table).begin(), (layer.*table).end());
   }
@@ -106,6 +110,15 @@ std::vector<float> surface_ceilings(const Surface& surface) {
     }
   }
   return ceilings;
+}
+
+std::size_t DeviceSurface::cell_bytes(std::size_t layers, std::size_t undersides) {
+  return (layers + undersides) * sizeof(Quad) +
+         layers * (sizeof(SurfaceSample) + sizeof(SurfaceColor)) + sizeof(float);
+}
+
+std::size_t DeviceSurface::copied_cell_bytes(std::size_t layers, std::size_t undersides) {
+  return (layers + undersides) * sizeof(Quad);
 }
 
 DeviceSurface::DeviceSurface(Device& device, const Surface& surface)

@@ -15,6 +15,11 @@ class DeviceSurface {
   // Copies a surface that `validate` accepts.
   DeviceSurface(Device& device, const Surface& surface);
 
+  // Bytes of device memory per cell of so many layers, so many of them with undersides, and bytes
+  // of host memory per cell while they are copied.
+  static std::size_t cell_bytes(std::size_t layers, std::size_t undersides);
+  static std::size_t copied_cell_bytes(std::size_t layers, std::size_t undersides);
+
   const Buffer& heights() const { return heights_; }
   const Buffer& ceilings() const { return ceilings_; }
   const Buffer& shape() const { return shape_; }

@@ -55,6 +55,9 @@ void launch_surface_mask(Device& device, const Surface& surface, const DeviceSur
                          const BtfInfo& info, const SurfaceRenderOptions& options, std::size_t view,
                          std::size_t width, std::size_t height, Buffer& mask);
 
+// The most that one run of images in the making takes besides, in units of options.tile_bytes.
+inline constexpr std::size_t surface_tiles = 5;
+
 // Fills info.mask and info.mask_distance as render_surface_mask_reference does.
 void render_surface_mask(Device& device, const Surface& surface,
                          const SurfaceRenderOptions& options, BtfInfo& info);

@@ -18,8 +18,8 @@ constexpr double turn = 2 * std::numbers::pi;
 enum Key : std::uint64_t { toss = 1, felt, fibres, stains, scratches, polish };
 
 constexpr std::size_t heap_cells = 96;
-constexpr std::size_t tries = 5;   // places a coin may come to rest at
-constexpr std::size_t sheets = 2;  // layers of topmost coins
+constexpr std::size_t tries = 5;                 // places a coin may come to rest at
+constexpr std::size_t sheets = coin_layers - 1;  // layers of topmost coins
 constexpr double most_coins = 2000;
 constexpr double steepest = 0.7;  // slope of a coin
 // How far a sheet's tables go on past the edge, in radii, and at least in cells: the outline lies
@@ -178,6 +178,7 @@ std::vector<Coin> toss_coins(const Coins& coins, std::uint64_t key) {
   const double area = coins.tile[0] * coins.tile[1];
   std::vector<Coin> heap;
   for (double covered = 0; covered < coins.cover * area;) {
+    check_interrupt();
     const Coin coin = make_coin(coins, hash(key + heap.size()));
     Coin best = coin;
     best.rest = std::numeric_limits<double>::infinity();

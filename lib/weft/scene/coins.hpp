@@ -35,6 +35,9 @@ struct Coins {
   std::vector<CoinKind> coins = std::vector<CoinKind>(1);
 };
 
+// Most layers of its surface: the felt with the buried coins, and sheets of topmost ones.
+inline constexpr std::size_t coin_layers = 3;
+
 void describe(Fields& fields, CoinKind& kind);
 void describe(Fields& fields, Coins& coins);
 void stretch(Coins& coins, double along_x, double along_y);

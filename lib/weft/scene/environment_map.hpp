@@ -29,8 +29,8 @@ struct EnvironmentSample {
 
 class EnvironmentMap {
  public:
-  // `radiance` [rows][columns][3], linear light, at most 1e20. Negative values, which resampling filters
-  // leave, count as 0. Throws an input error that names `where`, the texel and the value.
+  // `radiance` [rows][columns][3], linear light, at most 1e20. Negative values, which resampling
+  // filters leave, count as 0. Throws an input error that names `where`, the texel and the value.
   EnvironmentMap(std::size_t rows, std::size_t columns, std::vector<float> radiance,
                  std::string_view where);
 

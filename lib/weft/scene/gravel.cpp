@@ -117,6 +117,7 @@ std::vector<Stone> drop_stones(const Gravel& gravel, std::uint64_t key) {
   std::vector<Stone> stones;
   double covered = 0;
   while (covered < gravel.cover * area) {
+    check_interrupt();
     Stone stone = make_stone(gravel, hash(key + stones.size()), covered / (gravel.cover * area));
     double best = std::numeric_limits<double>::infinity();
     for (std::uint64_t k = 0; k < tries; ++k) {

@@ -64,13 +64,17 @@ void stretch(Knit& knit, double along_x, double along_y) {
   knit.courses = 2 * static_cast<std::size_t>(times(knit.courses / 2, along_y));
 }
 
+std::size_t knit_layers(const Knit& knit) {
+  return knit.hairs > 0 ? 3 : 2;
+}
+
 Surface make_surface(const Knit& knit, std::size_t columns, std::size_t rows) {
   check_fields("knit", knit);
   if (knit.courses % 2 != 0) fail_input("knit: courses is {}, not an even number", knit.courses);
   const double width = static_cast<double>(knit.wales);
   const double depth = static_cast<double>(knit.courses) * knit.course_height;
   const TileNoise noise(width, depth, knit.seed);
-  const std::size_t layers = knit.hairs > 0 ? 3 : 2;
+  const std::size_t layers = knit_layers(knit);
   Surface surface = make_flat_surface(columns, rows, width, depth, layers);
   surface.lobes = {knit.gloss};
   clear_layers(surface);

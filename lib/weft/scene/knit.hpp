@@ -43,6 +43,9 @@ struct Knit {
   double hair_width = 0.02;
 };
 
+// Of its surface: courses alternate between two, stray fibres lie on a third.
+std::size_t knit_layers(const Knit& knit);
+
 void describe(Fields& fields, Knit& knit);
 void stretch(Knit& knit, double along_x, double along_y);
 Surface make_surface(const Knit& knit, std::size_t columns, std::size_t rows);

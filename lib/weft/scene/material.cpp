@@ -66,6 +66,25 @@ Material find_material(const std::string& name_or_file, std::string_view option)
   return material;
 }
 
+std::size_t SurfaceExtent::bytes() const {
+  const std::size_t of_layer = sizeof(float) + sizeof(SurfaceSample) + sizeof(SurfaceColor);
+  return cells() * (layers * of_layer + undersides * sizeof(float));
+}
+
+SurfaceExtent surface_extent(const Material& material, std::size_t width, std::size_t height) {
+  const std::size_t resolution = surface_resolution(std::max(width, height));
+  SurfaceExtent extent{resolution, resolution};
+  if (const Knit* const knit = std::get_if<Knit>(&material.geometry)) {
+    extent.layers = extent.undersides = knit_layers(*knit);
+  } else if (std::holds_alternative<Coins>(material.geometry)) {
+    extent.layers = coin_layers;
+    extent.undersides = coin_layers - 1;  // the lowest is solid
+  } else if (std::holds_alternative<Net>(material.geometry)) {
+    extent.undersides = 1;
+  }
+  return extent;
+}
+
 Surface make_surface(const Material& material, std::size_t width, std::size_t height) {
   const double aspect = std::clamp(static_cast<double>(width) / static_cast<double>(height),
                                    1 / most_stretch, most_stretch);

@@ -62,6 +62,18 @@ Material parse_material(std::string_view text, std::string_view where);
 Material find_material(const std::string& name_or_file, std::string_view option);
 const MaterialPreset& find_preset(std::string_view name, std::string_view option);
 
+// What a surface holds at most: known before it is made.
+struct SurfaceExtent {
+  std::size_t columns = 0, rows = 0;
+  std::size_t layers = 1;
+  std::size_t undersides = 0;  // of the layers
+
+  std::size_t cells() const { return columns * rows; }
+  // Of its tables in memory.
+  std::size_t bytes() const;
+};
+SurfaceExtent surface_extent(const Material& material, std::size_t width, std::size_t height);
+
 // The surface for images of width x height texels, which show one tile. A square image shows the
 // tile as it is; the longer side of any other shows a longer tile, so that texels stay square.
 Surface make_surface(const Material& material, std::size_t width, std::size_t height);

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "weft/error.hpp"
 #include "weft/scene/tile_noise.hpp"
 
 namespace weft {
@@ -69,6 +70,7 @@ void sweep_yarn(Surface& surface, std::size_t layer_index, const SweptYarn& yarn
     const double run_x = b[0] - a[0], run_y = b[1] - a[1], rise = b[2] - a[2];
     const double run = std::hypot(run_x, run_y);
     if (run <= 0) continue;
+    check_interrupt();
     const double full = std::hypot(run, rise);
     const double widest = 0.5 * yarn.width * std::max(girth(i), girth(i + 1));
     const double reach = 1 + std::max(least_apron, least_apron_cells * cell / widest);
