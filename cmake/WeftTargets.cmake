@@ -99,7 +99,7 @@ function(weft_add_test name)
   target_link_libraries(${name} PRIVATE weft-test-support GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name})
   if(NOT ARG_TIMEOUT)
-    set(ARG_TIMEOUT 300)
+    set(ARG_TIMEOUT 900)
   endif()
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}"
                                           ENVIRONMENT "${WEFT_TEST_ENVIRONMENT}")
