@@ -18,12 +18,6 @@
 
 #define IMAGES (VIEWS * LIGHTS)
 
-inline float sum8(float8 x) {
-  const float4 four = x.lo + x.hi;
-  const float2 two = four.lo + four.hi;
-  return two.lo + two.hi;
-}
-
 // sums[c] += sum_j (sum_t u[t] A[a[t] + j]) (sum_i w[i] B[b[i] + c k8 + j])
 inline void add_products(uint texels, const ulong* a, const float* u, uint images, const ulong* b,
                          const float* w, ulong k8, __global const float* A,

@@ -42,3 +42,9 @@ inline float view_weight(__global const uint* record, uint tap) {
 inline float light_weight(__global const uint* record, uint tap) {
   return LIGHTS > 1 ? as_float(record[TAPS + TEXEL_WEIGHTS + VIEW_WEIGHTS + tap]) : 1.0f;
 }
+
+inline float sum8(float8 x) {
+  const float4 four = x.lo + x.hi;
+  const float2 two = four.lo + four.hi;
+  return two.lo + two.hi;
+}

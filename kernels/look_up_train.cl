@@ -25,12 +25,6 @@
 #define LONGEST 64
 #endif
 
-inline float sum8(float8 x) {
-  const float4 four = x.lo + x.hi;
-  const float2 two = four.lo + four.hi;
-  return two.lo + two.hi;
-}
-
 // Vector k of `in` times a slice [length][out8] of vectors.
 inline float8 column(const float* in, ulong length, __global const float* slice, ulong out8,
                      ulong k) {

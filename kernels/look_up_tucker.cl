@@ -34,12 +34,6 @@
 #endif
 #define V8 ((RANK_V + 7) / 8)
 
-inline float sum8(float8 x) {
-  const float4 four = x.lo + x.hi;
-  const float2 two = four.lo + four.hi;
-  return two.lo + two.hi;
-}
-
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void look_up_tucker(ulong count, ulong lights, ulong l8,
                              __global const uint* restrict lookups,

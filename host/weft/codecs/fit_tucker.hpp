@@ -25,11 +25,6 @@ struct TuckerOptions {
   Arithmetic gram = Arithmetic::f32;  // of Gram matrices: the smallest singular values need f64
 };
 
-// What it will take. With a goal, the ranks are not known: W is then planned where they are, and
-// fit_tucker() throws if it does not fit.
-MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& options,
-                       const Job& job);
-
 // The model's info is left to the caller, and so is rounding it. Throws input errors for NaN or
 // infinite values and for what does not fit job.memory.
 TuckerFit fit_tucker(Device& device, TileSource& source, const TuckerOptions& options, Job& job);

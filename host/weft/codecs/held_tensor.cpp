@@ -1,10 +1,10 @@
 #include "weft/codecs/held_tensor.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "weft/error.hpp"
+#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
@@ -59,8 +59,7 @@ std::ptrdiff_t at(std::size_t i) {
 }  // namespace
 
 HeldTensor::HeldTensor(std::vector<std::size_t> tensor_sizes)
-    : sizes(std::move(tensor_sizes)),
-      values(std::accumulate(sizes.begin(), sizes.end(), std::size_t{1}, std::multiplies<>())) {}
+    : sizes(std::move(tensor_sizes)), values(product(sizes)) {}
 
 std::vector<double> HeldTensor::gram(Device& device, std::size_t mode,
                                      Arithmetic arithmetic) const {

@@ -9,6 +9,7 @@
 #include "weft/codecs/fit_tucker.hpp"
 #include "weft/codecs/tucker_decoder.hpp"
 #include "weft/codecs/tucker_options.hpp"
+#include "weft/codecs/tucker_plan.hpp"
 #include "weft/error.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/model/tucker_parts.hpp"

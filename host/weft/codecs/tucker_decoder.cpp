@@ -1,7 +1,6 @@
 #include "weft/codecs/tucker_decoder.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <vector>
 
 #include "weft/device/tile_stream.hpp"
@@ -10,13 +9,10 @@
 #include "weft/ops/mode_product.hpp"
 #include "weft/ops/turn_channels.hpp"
 #include "weft/reference/mode_product.hpp"
+#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
-
-std::size_t product(std::span<const std::size_t> sizes) {
-  return std::accumulate(sizes.begin(), sizes.end(), std::size_t{1}, std::multiplies<>());
-}
 
 // How a core lies for decoding: [views][lights][texels ...], where views that are merged with
 // lights are lights.

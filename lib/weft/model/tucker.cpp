@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 
 #include "weft/error.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
+#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
@@ -16,10 +16,6 @@ constexpr std::size_t factor_axis = 1;  // of U_n [I_n][R_n]
 
 std::string factor_name(const ModeGroup& group) {
   return "factor." + group.name;
-}
-
-std::size_t product(std::span<const std::size_t> sizes) {
-  return std::accumulate(sizes.begin(), sizes.end(), std::size_t{1}, std::multiplies<>());
 }
 
 // sum over the indices of all modes from n on of Z times the rows of the factors; a mode without a
