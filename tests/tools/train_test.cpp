@@ -63,6 +63,18 @@ TEST_F(TrainProcess, SaysHowFastItIs) {
   EXPECT_GT(report.at("images").at("rate").get<double>(), 0);
   EXPECT_GT(report.at("look_ups").at("unsorted").get<double>(), 0);
   EXPECT_EQ(run_weft({"bench", "--model", path("cloth.safetensors")}).status, 2);
+
+  const ProcessResult texel =
+      run_weft({"bench", "--model", path("train.weft"), "--filter", "texel", "--json"});
+  ASSERT_EQ(texel.status, 0) << texel.err;
+  const json one = json::parse(texel.out);
+  EXPECT_GT(one.at("texel_time").get<double>(), 0);
+  EXPECT_EQ(one.at("texel_operations"), one.at("parameters").at("texel_operations"));
+  EXPECT_FALSE(one.contains("images"));
+  EXPECT_FALSE(one.contains("look_ups"));
+  const ProcessResult none = run_weft({"bench", "--model", path("train.weft"), "--filter", "gemm"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_NE(none.err.find("--filter gemm"), std::string::npos) << none.err;
 }
 
 TEST_F(TrainProcess, BadUsageIsRefused) {

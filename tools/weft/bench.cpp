@@ -84,7 +84,9 @@ void run_model(const BenchOptions& options) {
   const std::unique_ptr<Device> device = open_device(options.device, options.report);
   Report report;
   report.add("device", device->limits().name);
-  bench_model(*device, options.model, report);
+  ModelBenchOptions model = options.model;
+  model.filter = options.codec.filter;
+  bench_model(*device, model, report);
   add_device_fields(report, device);
   report.print(options.report);
 }
@@ -136,8 +138,10 @@ void add_bench(CLI::App& program, Action& action) {
   CLI::App* command =
       program.add_subcommand("bench", "Measure a device's peaks, its operations and the codecs");
   command
-      ->add_option("--filter", options->codec.filter,
-                   "Only operations whose name contains this, for example gemm or 'codec pca'")
+      ->add_option(
+          "--filter", options->codec.filter,
+          "Only operations whose name contains this, for example gemm or 'codec pca'; with "
+          "--model, of texel, images and look_ups")
       ->type_name("TEXT");
   command
       ->add_option("--input", options->codec.input,

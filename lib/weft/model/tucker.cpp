@@ -1,7 +1,9 @@
 #include "weft/model/tucker.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <utility>
 
 #include "weft/error.hpp"
 #include "weft/model/component_scale.hpp"
@@ -18,19 +20,42 @@ std::string factor_name(const ModeGroup& group) {
   return "factor." + group.name;
 }
 
-// sum over the indices of all modes from n on of Z times the rows of the factors; a mode without a
-// factor has its one index.
-double contract(const TuckerModel& model, std::span<const std::size_t> indices, std::size_t n,
-                std::size_t offset) {
-  if (n == model.groups.count()) return double{model.core[offset]};
-  offset *= model.ranks[n];
-  if (!model.has_factor(n)) return contract(model, indices, n + 1, offset + indices[n]);
-  const float* row = model.factors[n].data() + indices[n] * model.ranks[n];
-  double sum = 0;
-  for (std::size_t r = 0; r < model.ranks[n]; ++r) {
-    sum += double{row[r]} * contract(model, indices, n + 1, offset + r);
+// The dot product of a row of numbers with one of a factor. Several sums side by side do not wait
+// for each other.
+template <typename Number>
+double dot(const Number* a, const float* u, std::size_t count) {
+  constexpr std::size_t lanes = 8;
+  std::array<double, lanes> sums{};
+  std::size_t i = 0;
+  for (; i + lanes <= count; i += lanes) {
+    for (std::size_t k = 0; k < lanes; ++k) sums[k] += double{a[i + k]} * double{u[i + k]};
   }
+  double sum = 0;
+  for (const double part : sums) sum += part;
+  for (; i < count; ++i) sum += double{a[i]} * double{u[i]};
   return sum;
+}
+
+// T x_n u of a row-major tensor T [outer][n][inner] and a row u of that mode's factor: a tensor
+// [outer][inner].
+template <typename Number>
+std::vector<double> contract(std::span<const Number> T, std::size_t outer, std::span<const float> u,
+                             std::size_t inner) {
+  std::vector<double> rest(outer * inner, 0.0);
+  for (std::size_t o = 0; o < outer; ++o) {
+    const Number* slices = T.data() + o * u.size() * inner;
+    if (inner == 1) {
+      rest[o] = dot(slices, u.data(), u.size());
+      continue;
+    }
+    double* sums = rest.data() + o * inner;
+    for (std::size_t r = 0; r < u.size(); ++r) {
+      for (std::size_t i = 0; i < inner; ++i) {
+        sums[i] += double{u[r]} * double{slices[r * inner + i]};
+      }
+    }
+  }
+  return rest;
 }
 
 // The lists of indices that a selection keeps of each mode.
@@ -95,16 +120,77 @@ std::vector<ModelTensor> TuckerModel::tensors() const {
 
 void TuckerModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                std::span<double> out) const {
-  std::vector<std::size_t> indices(groups.count());
-  const std::array<std::size_t, mode_count> at{view, light, y, x, 0};
-  for (std::size_t c = 0; c < info.btf.shape.channels; ++c) {
-    std::fill(indices.begin(), indices.end(), std::size_t{0});
-    for (const Mode mode : all_modes) {
-      const std::size_t index = mode == Mode::channel ? c : at[index_of(mode)];
-      indices[groups.group_of(mode)] += index * groups.stride(mode);
+  const std::size_t channels = info.btf.shape.channels;
+  const std::size_t channel = groups.group_of(Mode::channel);
+  if (!channels_alone()) {
+    for (std::size_t c = 0; c < channels; ++c) {
+      out[c] = contracted({view, light, y, x, c}).front();
     }
-    out[c] = contract(*this, indices, 0, 0);
+    return;
   }
+  const std::vector<double> left = contracted({view, light, y, x, 0});
+  for (std::size_t c = 0; c < channels; ++c) {
+    out[c] = has_factor(channel)
+                 ? dot(left.data(), factors[channel].data() + c * left.size(), left.size())
+                 : left[c];
+  }
+}
+
+bool TuckerModel::channels_alone() const {
+  return groups.groups()[groups.group_of(Mode::channel)].modes.size() == 1;
+}
+
+// The largest ranks first: they leave the least behind.
+std::vector<std::size_t> TuckerModel::contraction_order() const {
+  std::vector<std::size_t> order;
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    const bool channel = channels_alone() && n == groups.group_of(Mode::channel);
+    if (has_factor(n) && !channel) order.push_back(n);
+  }
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return ranks[a] > ranks[b]; });
+  return order;
+}
+
+std::vector<double> TuckerModel::contracted(const std::array<std::size_t, mode_count>& at) const {
+  std::vector<std::size_t> indices(groups.count(), 0);
+  for (const Mode mode : all_modes) {
+    indices[groups.group_of(mode)] += at[index_of(mode)] * groups.stride(mode);
+  }
+  // Of modes without a factor, their one slice of the core.
+  std::vector<std::size_t> sizes = ranks;
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    const bool alone = channels_alone() && n == groups.group_of(Mode::channel);
+    if (!has_factor(n) && !alone) sizes[n] = 1;
+  }
+  std::vector<float> slices;
+  if (sizes != ranks) {
+    std::vector<std::size_t> places{0};
+    for (std::size_t n = 0; n < groups.count(); ++n) {
+      const std::size_t begin = sizes[n] == ranks[n] ? 0 : indices[n];
+      std::vector<std::size_t> further;
+      further.reserve(places.size() * sizes[n]);
+      for (const std::size_t place : places) {
+        for (std::size_t r = 0; r < sizes[n]; ++r) {
+          further.push_back(place * ranks[n] + begin + r);
+        }
+      }
+      places = std::move(further);
+    }
+    for (const std::size_t place : places) slices.push_back(core[place]);
+  }
+  const std::span<const float> first = slices.empty() ? std::span(core) : std::span(slices);
+
+  std::vector<double> rest;
+  for (const std::size_t n : contraction_order()) {
+    const std::size_t outer = product(std::span(sizes).first(n));
+    const std::size_t inner = product(std::span(sizes).subspan(n + 1));
+    const auto u = std::span(factors[n]).subspan(indices[n] * ranks[n], ranks[n]);
+    rest = rest.empty() ? contract(first, outer, u, inner)
+                        : contract(std::span<const double>(rest), outer, u, inner);
+    sizes[n] = 1;
+  }
+  return rest.empty() ? std::vector<double>(first.begin(), first.end()) : rest;
 }
 
 std::size_t TuckerModel::coefficients() const {
@@ -113,25 +199,19 @@ std::size_t TuckerModel::coefficients() const {
   return sum;
 }
 
-// The last mode with a factor first: what is summed there is not summed again. Channels that are no
-// mode of their own are decoded one by one; else they come last, all from one vector.
+// Channels that are no mode of their own are decoded one by one; else they come last, all from one
+// vector.
 std::size_t TuckerModel::texel_operations() const {
   const std::size_t channels = info.btf.shape.channels;
   const std::size_t channel = groups.group_of(Mode::channel);
-  const bool alone = groups.groups()[channel].modes.size() == 1;
-  std::size_t values = alone ? ranks[channel] : 1;  // left of the core where all are contracted
+  const std::vector<std::size_t> order = contraction_order();
+  std::size_t values = channels_alone() ? ranks[channel] : 1;  // left where all are contracted
   std::size_t operations = 0;
-  std::vector<std::size_t> contracted;
-  for (std::size_t n = 0; n < groups.count(); ++n) {
-    if (has_factor(n) && !(alone && n == channel)) contracted.push_back(ranks[n]);
+  for (auto n = order.rbegin(); n != order.rend(); ++n) {
+    operations += values * (2 * ranks[*n] - 1);
+    values *= ranks[*n];
   }
-  // the largest ranks first leave the least behind
-  std::sort(contracted.begin(), contracted.end());
-  for (const std::size_t rank : contracted) {
-    operations += values * (2 * rank - 1);
-    values *= rank;
-  }
-  if (!alone) return operations * channels;
+  if (!channels_alone()) return operations * channels;
   return operations + (has_factor(channel) ? channels * (2 * ranks[channel] - 1) : 0);
 }
 

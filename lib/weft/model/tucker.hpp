@@ -8,6 +8,7 @@
 // TensorTextures' T = Z x_1 U_texel, eq. (6).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -38,8 +39,7 @@ struct TuckerModel final : Model {
 
   // Numbers in core and factors.
   std::size_t coefficients() const;
-  // Products and sums of one decode_texel with all its channels, as cheap as an order of
-  // contractions makes it.
+  // Products and sums of one decode_texel with all its channels, counted exactly.
   std::size_t texel_operations() const;
 
   // Rounds the tensors to what info.storage will give back.
@@ -53,6 +53,15 @@ struct TuckerModel final : Model {
   static std::unique_ptr<TuckerModel> read(const ModelFile& file);
 
  private:
+  // Whether channels are a mode of their own.
+  bool channels_alone() const;
+  // Modes with a factor, but for channels that stand alone, in the order that decode_texel
+  // contracts them.
+  std::vector<std::size_t> contraction_order() const;
+  // One texel at v, l, y, x, c: a number for each slice of a channel mode that stands alone, else
+  // one.
+  std::vector<double> contracted(const std::array<std::size_t, mode_count>& at) const;
+
   std::vector<std::uint8_t> group_of_modes_;  // of v, l, y, x, c: what the file says of the groups
 };
 

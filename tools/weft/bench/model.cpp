@@ -4,11 +4,16 @@
 #include <chrono>
 #include <memory>
 #include <numeric>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "bench/measure.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/device/tile_stream.hpp"
+#include "weft/error.hpp"
+#include "weft/model/tt.hpp"
+#include "weft/model/tucker.hpp"
 #include "weft/ops/peak.hpp"
 #include "weft/reference/random.hpp"
 
@@ -59,6 +64,15 @@ double texel_seconds(const Model& model) {
   return seconds / host_texels;
 }
 
+// Products and sums of a texel, where the model counts them.
+std::optional<std::size_t> texel_operations(const Model& model) {
+  if (const auto* tucker = dynamic_cast<const TuckerModel*>(&model)) {
+    return tucker->texel_operations();
+  }
+  if (const auto* train = dynamic_cast<const TtModel*>(&model)) return train->texel_operations();
+  return std::nullopt;
+}
+
 }  // namespace
 
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report) {
@@ -68,10 +82,20 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
   report.add("model", options.model);
   report.add("codec", codec.name());
   report.add("parameters", json_cell(model->info.parameters));
-  report.add("texel_time", texel_seconds(*model) * 1e3, "ms");
-
-  const ops::Peaks peaks = ops::measure_peaks(device);
-  {
+  const auto wanted = [&](std::string_view name) {
+    return name.find(options.filter) != std::string_view::npos;
+  };
+  if (!wanted("texel") && !wanted("images") && !wanted("look_ups")) {
+    fail_input("--filter {}: of a model, texel, images and look_ups are measured", options.filter);
+  }
+  if (wanted("texel")) {
+    report.add("texel_time", texel_seconds(*model) * 1e3, "ms");
+    if (const auto operations = texel_operations(*model)) {
+      report.add("texel_operations", *operations);
+    }
+  }
+  if (wanted("images")) {
+    const ops::Peaks peaks = ops::measure_peaks(device);
     const auto decoder = codec.decoder(device, *model);
     const std::size_t run = image_granule(shape);
     Buffer out(device, run * shape.image_values() * sizeof(float), "decoded images");
@@ -89,6 +113,7 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
     images.add("speed", flops / times.least * 1e-9, "GFLOP/s");
     images.add("of_bound", bound / times.least);
   }
+  if (!wanted("look_ups")) return;
   const auto sampler = codec.sampler(device, *model);
   Report& lookups = report.section("look_ups");
   lookups.add("count", options.lookups);

@@ -12,13 +12,15 @@ namespace weft {
 struct ModelBenchOptions {
   std::string model;                // a .weft file
   std::size_t lookups = 1'000'000;  // random look-ups of one call
+  std::string filter;               // only measurements whose name contains this
 };
 
-// Adds the fields of one model to the report:
+// Adds the fields of one model to the report, those whose name the filter is part of:
 //
-//   texel_time     mean of 1000 random texels by Model::decode_texel, one thread of the host
+//   texel          mean of 1000 random texels by Model::decode_texel, one thread of the host;
+//                  of tucker and tt also its products and sums
 //   images         all of them on the device, beside what their flops and bytes take at the peaks
-//   look-ups       random (texel, view, light) in one call, as they come and sorted by texel
+//   look_ups       random (texel, view, light) in one call, as they come and sorted by texel
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report);
 
 }  // namespace weft
