@@ -244,7 +244,7 @@ TEST(Materials, RefusesWhatIsNoMaterial) {
   const std::vector<Case> cases = {
       {"", {"m.json", "not valid JSON"}},
       {"[]", {"m.json", "not a JSON object"}},
-      {"{", {"m.json", "not valid JSON"}},
+      {"{", {"m.json", "not valid JSON: parse error at line 1"}},
       {"{}", {"kind is ''", "leather"}},
       {R"({"kind": 7})", {"kind is 7", "a text"}},
       {R"({"kind": "brick"})", {"kind is 'brick'", "gravel"}},

@@ -173,6 +173,9 @@ TEST(TriangleMesh, IsValidated) {
   refused({"vertex 2", "nan"}, [](TriangleMesh& m) { m.vertices[2].position[0] = NAN; });
   refused({"vertex 3", "texture"}, [](TriangleMesh& m) { m.vertices[3].uv[1] = INFINITY; });
   refused({"vertex 0", "normal"}, [](TriangleMesh& m) { m.vertices[0].normal = {0, 0, 2}; });
+  refused({"2 triangles", "area"}, [](TriangleMesh& m) {
+    for (TriangleMesh::Vertex& vertex : m.vertices) vertex.position[1] = 0;
+  });
 }
 
 TEST(TriangleMesh, FitsTheUnitSphere) {
@@ -278,6 +281,14 @@ TEST(Obj, ReadsFacesOfAnyKind) {
 }
 
 // The area of a polygon with a notch is covered once.
+TEST(Obj, JoinsLinesThatAreContinued) {
+  const ObjFile file;
+  const TriangleMesh split = file.read(square + "f 1/1 \\\n2/2\\\r\n 3/3 # last\nf 1/1 3/3 4/4\n");
+  EXPECT_EQ(split.triangles.size(), 2u);
+  EXPECT_EQ(file.read(square + "f 1/1 2/2 3/3 \\").triangles.size(), 1u);
+  file.expect_refused(square + "f 1/1 \\\n2/2 \\\n9/3\n", {"line 11", "position 9 of 4"});
+}
+
 TEST(Obj, CutsConcavePolygons) {
   const ObjFile file;
   for (const std::string& face : std::vector<std::string>{"1/1 2/1 3/1 4/1", "2/1 3/1 4/1 1/1",
@@ -297,7 +308,7 @@ TEST(Obj, CutsConcavePolygons) {
   }
   // A polygon that crosses itself, and one without area, end all the same.
   EXPECT_EQ(file.read(square + "f 1/1 3/3 2/2 4/4\n").triangles.size(), 2u);
-  EXPECT_EQ(file.read(square + "f 1/1 1/1 1/1 1/1 1/1\n").triangles.size(), 3u);
+  EXPECT_EQ(file.read(square + "f 1/1 2/2 3/3\nf 1/1 1/1 1/1 1/1 1/1\n").triangles.size(), 4u);
 }
 
 TEST(Obj, SmoothsNormalsThatAreNotGiven) {

@@ -96,6 +96,7 @@ TEST(Seed, IsANumberOf64Bits) {
 
 TEST(Progress, Line) {
   EXPECT_EQ(Progress::line("writing", 0, 100, "images", 0.0), "writing 0/100 images");
+  EXPECT_EQ(Progress::line("pass 1", 25, 100, "", 0.5), "pass 1 25/100, 50/s, 1.5 s left");
   EXPECT_EQ(Progress::line("writing", 25, 100, "images", 0.5),
             "writing 25/100 images, 50 images/s, 1.5 s left");
   EXPECT_EQ(Progress::line("writing", 100, 100, "images", 0.5),

@@ -426,6 +426,7 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--target", "0,0,nan", "-o", output},
                               {input, "--distance", "-1", "-o", output},
                               {input, "--distance", "nan", "-o", output},
+                              {input, "--distance", "inf", "-o", output},
                               {input, "--fov", "180", "-o", output},
                               {input, "--light", "30", "-o", output},
                               {input, "--light", "30,40,-1", "-o", output},

@@ -84,7 +84,7 @@ void run_compress(const CompressOptions& options) {
   if (options.ssim) check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
   if (!given) device = open_device(options.device, options.report);
 
-  ReportedJob reported(options.device, options.report);
+  ReportedJob reported(options.device, options.report, "");  // stages count what they pass over
   Job& job = reported.job();
   job.seed = options.seed;
   job.nan_zero = nan_zero;

@@ -13,6 +13,10 @@ namespace {
 // Often enough to look alive, seldom enough to cost nothing.
 constexpr std::chrono::milliseconds terminal_interval{100};
 constexpr std::chrono::milliseconds plain_interval{5000};
+
+std::string spaced(const std::string& unit) {
+  return unit.empty() ? "" : " " + unit;
+}
 }  // namespace
 
 Progress::Progress(const OutputOptions& options, std::string what, std::size_t total,
@@ -42,9 +46,10 @@ void Progress::finish() {
   if (!enabled_) return;
   enabled_ = false;
   const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
-  std::string text = fmt::format("{} {} {} in {}", what_, total_, unit_, format_seconds(elapsed));
+  std::string text =
+      fmt::format("{} {}{} in {}", what_, total_, spaced(unit_), format_seconds(elapsed));
   if (elapsed > 0 && total_ > 0) {
-    text += fmt::format(", {:.4g} {}/s", static_cast<double>(total_) / elapsed, unit_);
+    text += fmt::format(", {:.4g}{}/s", static_cast<double>(total_) / elapsed, spaced(unit_));
   }
   show(text, true);
 }
@@ -61,10 +66,10 @@ void Progress::show(const std::string& line, bool last) {
 
 std::string Progress::line(const std::string& what, std::size_t done, std::size_t total,
                            const std::string& unit, double elapsed) {
-  std::string text = fmt::format("{} {}/{} {}", what, done, total, unit);
+  std::string text = fmt::format("{} {}/{}{}", what, done, total, spaced(unit));
   if (done == 0 || elapsed <= 0) return text;
   const double rate = static_cast<double>(done) / elapsed;
-  text += fmt::format(", {:.4g} {}/s", rate, unit);
+  text += fmt::format(", {:.4g}{}/s", rate, spaced(unit));
   if (done < total) {
     text += fmt::format(", {} left", format_seconds(static_cast<double>(total - done) / rate));
   }

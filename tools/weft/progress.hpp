@@ -12,7 +12,8 @@ namespace weft {
 
 class Progress {
  public:
-  // `what` is done ("compress", "writing"), over `total` of `unit` ("images").
+  // `what` is done ("compress", "writing"), over `total` of `unit` ("images"), or of a unit that
+  // needs no name ("").
   Progress(const OutputOptions& options, std::string what, std::size_t total,
            std::string unit = "images");
   // Removes a half-way line from the terminal, so that an error message begins on a clean one.

@@ -256,7 +256,7 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   command
       .add_option("--difference", options.difference,
                   "Factor on the values of the difference image")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1e-6, 1e6))
       ->type_name("N");
 
   const auto scene = [&](auto* option) { return option->group("Scene"); };
@@ -286,7 +286,7 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
   turn->type_name("THETA,PHI")->default_str("");
   auto* distance = camera(command.add_option(
       "--distance", options.distance, "... and from so far away; by default as suits the shape"));
-  distance->check(CLI::PositiveNumber)->type_name("D")->default_str("");
+  distance->check(CLI::Range(1e-3, 1e6))->type_name("D")->default_str("");
   camera(command.add_option("--eye", options.eye, "Look from this place instead; z is up"))
       ->excludes(turn)
       ->excludes(distance)

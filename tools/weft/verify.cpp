@@ -227,7 +227,7 @@ void add_verify(CLI::App& program, Action& action) {
   command
       ->add_option("--tolerance", options->tolerance,
                    "Largest difference allowed, in units of the derived rounding bound")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1e-6, 1e6))
       ->type_name("NUMBER");
   command
       ->add_option("--nan", options->nan,

@@ -32,12 +32,15 @@ nlohmann::json parse_json(std::string_view text, std::string_view where) {
   try {
     return json::parse(text, check);
   } catch (const json::exception& error) {
-    fail_input("{}: not valid JSON: {}", where, shown(error.what()));
+    // without "[json.exception.parse_error.101] ", which says nothing to a reader
+    const std::string_view what = error.what();
+    const std::size_t number = what.find("] ");
+    fail_input("{}: not valid JSON: {}", where,
+               shown(what.substr(number == std::string_view::npos ? 0 : number + 2), 400));
   }
 }
 
-std::string shown(std::string_view text) {
-  constexpr std::size_t limit = 80;
+std::string shown(std::string_view text, std::size_t limit) {
   std::string result;
   for (const char c : text.substr(0, limit)) {
     if (c >= ' ' && c <= '~') {

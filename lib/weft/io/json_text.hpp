@@ -11,8 +11,8 @@ namespace weft {
 // JSON in valid UTF-8, for an object that has a key twice, and for nesting deeper than 32.
 nlohmann::json parse_json(std::string_view text, std::string_view where);
 
-// Text of a file as it may stand in a message: at most 80 bytes, control characters and whatever is
-// not ASCII as \xNN.
-std::string shown(std::string_view text);
+// Text of a file as it may stand in a message: at most `limit` bytes, control characters and
+// whatever is not ASCII as \xNN.
+std::string shown(std::string_view text, std::size_t limit = 80);
 
 }  // namespace weft

@@ -36,7 +36,6 @@ class ObjReader {
   TriangleMesh read() {
     while (!text_.empty()) {
       line_ = take_line();
-      ++line_number_;
       const std::string_view keyword = take_word();
       if (keyword == "v") {
         positions_.push_back(oriented(numbers<3>()));
@@ -61,12 +60,28 @@ class ObjReader {
                fmt::format(format, std::forward<Args>(args)...));
   }
 
-  // The next line, without its comment.
-  std::string_view take_line() {
+  // The next line of the file, without its comment.
+  std::string_view take_file_line() {
+    ++line_number_;
     const std::size_t end = text_.find('\n');
     std::string_view line = text_.substr(0, end);
     text_.remove_prefix(end == std::string_view::npos ? text_.size() : end + 1);
-    return line.substr(0, line.find('#'));
+    line = line.substr(0, line.find('#'));
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    return line;
+  }
+
+  // The next line with those that a backslash at its end continues it with.
+  std::string_view take_line() {
+    std::string_view line = take_file_line();
+    if (!line.ends_with('\\')) return line;
+    joined_.clear();
+    while (line.ends_with('\\')) {
+      line.remove_suffix(1);
+      joined_.append(line).push_back(' ');
+      line = text_.empty() ? std::string_view() : take_file_line();
+    }
+    return joined_.append(line);
   }
 
   std::string_view take_word() {
@@ -253,6 +268,7 @@ class ObjReader {
   std::string_view text_;
   std::string name_;
   UpAxis up_;
+  std::string joined_;  // a line that was continued
   std::string_view line_;
   std::size_t line_number_ = 0;
   std::vector<std::array<float, 3>> positions_, normals_;

@@ -51,6 +51,17 @@ void validate(const TriangleMesh& mesh, std::string_view where) {
                  v.normal[1], v.normal[2]);
     }
   }
+  const auto has_area = [&](const std::array<std::uint32_t, 3>& triangle) {
+    const auto corner = [&](std::size_t i) {
+      const std::array<float, 3>& p = mesh.vertices[triangle[i]].position;
+      return Vector3{p[0], p[1], p[2]};
+    };
+    const Vector3 n = cross(difference(corner(1), corner(0)), difference(corner(2), corner(0)));
+    return length(n) > 0;
+  };
+  if (std::none_of(mesh.triangles.begin(), mesh.triangles.end(), has_area)) {
+    fail_input("{}: all {} triangles are without area", where, mesh.triangles.size());
+  }
 }
 
 void fit_unit_sphere(TriangleMesh& mesh) {
