@@ -1,0 +1,533 @@
+// Orthogonal matching pursuit of many signals in one dictionary: for each signal y at most k unit
+// atoms d_n, chosen one by one by the largest |c_n|, c = D r, and their least squares coefficients.
+//
+//   units:   [A][dimension_p]     d_n = atom / norm; zero rows are never chosen. A: atoms padded to a
+//                                 whole number of ITEMS BLOCK VW, dimension_p: to one of VW
+//   inverse: [A]                  1 / norm
+//   scales:  [signals]            2^-e, which brings a signal's largest magnitude near 1
+//   energies:[signals]            |2^-e y|^2; 0 or NaN: the signal gets no atoms
+//
+// With the atoms' inner products G = D D^T (Rubinstein, Zibulevsky, Elad 2008), code_by_gram never
+// sees a residual. In place of their progressive Cholesky factorisation, which solves two triangular
+// systems per step, the chosen atoms are orthogonalised in Gram space, without square roots:
+//
+//   l_tj = q_j[n_t] / p_j,   p_t = G[n_t][n_t] - sum_(j<t) l_tj^2 p_j
+//   q_t  = G[n_t] - sum_(j<t) l_tj q_j             inner products of all atoms with the part of d_(n_t)
+//                                                  that is orthogonal to those before
+//   a_t  = c[n_t] / p_t,     c -= a_t q_t,     |r|^2 -= a_t^2 p_t
+//
+// and x follows from a by one substitution at the end: a_j -= x_t l_tj. The largest |c| of the next
+// step is found while c is updated. Signals that float arithmetic can't follow so are marked by a
+// count of RECODE: their residual fell below 1e-3 of their norm, an atom is nearly in the span of
+// those before (p_t < LEAST_PIVOT), or correlations are mere rounding.
+//
+// step_by_residual takes one step for each signal of a batch from the correlations of its residual,
+// and orthogonalises in the signals' own space, twice.
+//
+// A work-group codes one signal after the other: a single work-item with long vectors on CPU devices,
+// ITEMS work-items side by side on GPUs.
+//
+// ITEMS  work-items of a group, a power of two
+// BLOCK  vectors that a work-item holds in registers, 1 to 8
+#include "vector_width.cl"
+
+#ifndef ITEMS
+#define ITEMS 1
+#endif
+#ifndef BLOCK
+#define BLOCK 4
+#endif
+#ifndef SMALLEST_CORRELATION
+#define SMALLEST_CORRELATION 0x1p-19f
+#endif
+#ifndef LEAST_DISTANCE
+#define LEAST_DISTANCE 0x1p-12f
+#endif
+#ifndef MOST_DEPENDENT
+#define MOST_DEPENDENT 256
+#endif
+
+#define RECODE 0xFFFFFFFFu
+#define ENDED RECODE
+#define LEAST_PIVOT 0x1p-10f         // of p_t: about eight digits of a float are left
+#define LEAST_ENERGY 0x1p-20f        // of |r|^2 / |y|^2, about (1e-3)^2
+#define SMALLEST_FOLLOWED 0x1p-13f   // of |c| / |y|
+#define SMALLEST_SCALE 0x1p-104f     // correlations of larger signals might overflow
+
+#define JOIN_(a, b) a##b
+#define JOIN(a, b) JOIN_(a, b)
+typedef JOIN(int, VW) intv;
+#if VW == 16
+#define LANES (intv)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#elif VW == 8
+#define LANES (intv)(0, 1, 2, 3, 4, 5, 6, 7)
+#else
+#define LANES (intv)(0, 1, 2, 3)
+#endif
+
+#define GROUP_STEP (ITEMS * VW)
+#if ITEMS > 1
+#define SYNCHRONISE barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+#else
+#define SYNCHRONISE
+#endif
+
+// Sum and largest value of a vector's lanes, least of indices.
+#define LARGER(a, b) ((a) > (b) ? (a) : (b))
+#define SMALLER(a, b) ((a) < (b) ? (a) : (b))
+inline float sum_lanes(realv x) {
+#if VW == 16
+  const float8 eight = x.lo + x.hi;
+  const float4 four = eight.lo + eight.hi;
+#elif VW == 8
+  const float4 four = x.lo + x.hi;
+#else
+  const float4 four = x;
+#endif
+  const float2 two = four.lo + four.hi;
+  return two.x + two.y;
+}
+inline float largest_lane(realv x) {
+#if VW == 16
+  const float8 eight = LARGER(x.lo, x.hi);
+  const float4 four = LARGER(eight.lo, eight.hi);
+#elif VW == 8
+  const float4 four = LARGER(x.lo, x.hi);
+#else
+  const float4 four = x;
+#endif
+  const float2 two = LARGER(four.lo, four.hi);
+  return LARGER(two.x, two.y);
+}
+inline int least_lane(intv x) {
+#if VW == 16
+  const int8 eight = min(x.lo, x.hi);
+  const int4 four = min(eight.lo, eight.hi);
+#elif VW == 8
+  const int4 four = min(x.lo, x.hi);
+#else
+  const int4 four = x;
+#endif
+  const int2 two = min(four.lo, four.hi);
+  return min(two.x, two.y);
+}
+
+// Values of all work-items of a group added up, and the largest with the least of its indices. Every
+// work-item gets the result.
+typedef struct {
+  float value;
+  int index;
+} Candidate;
+
+#if ITEMS > 1
+inline float group_sum(float value, __local float* values, uint item) {
+  SYNCHRONISE
+  values[item] = value;
+  for (uint half_items = ITEMS / 2; half_items > 0; half_items /= 2) {
+    SYNCHRONISE
+    if (item < half_items) values[item] += values[item + half_items];
+  }
+  SYNCHRONISE
+  return values[0];
+}
+inline Candidate group_largest(Candidate own, __local float* values, __local int* indices, uint item) {
+  SYNCHRONISE
+  values[item] = own.value;
+  indices[item] = own.index;
+  for (uint half_items = ITEMS / 2; half_items > 0; half_items /= 2) {
+    SYNCHRONISE
+    if (item < half_items) {
+      const float other = values[item + half_items];
+      const int other_index = indices[item + half_items];
+      if (other > values[item] || (other == values[item] && other_index < indices[item])) {
+        values[item] = other;
+        indices[item] = other_index;
+      }
+    }
+  }
+  SYNCHRONISE
+  const Candidate result = {values[0], indices[0]};
+  return result;
+}
+#define DECLARE_LOCALS                     \
+  __local float shared_values[ITEMS];      \
+  __local int shared_indices[ITEMS];       \
+  const uint item = get_local_id(0);
+#define GROUP_SUM(x) group_sum(x, shared_values, item)
+#define GROUP_LARGEST(x) group_largest(x, shared_values, shared_indices, item)
+#else
+#define DECLARE_LOCALS const uint item = 0;
+#define GROUP_SUM(x) (x)
+#define GROUP_LARGEST(x) (x)
+#endif
+
+// The first index at which |values| is `largest`, of a work-item's own share.
+inline int index_of(__global const float* values, ulong count, float largest, uint item) {
+  intv first = (intv)INT_MAX;
+  for (ulong i = item * VW; i < count; i += GROUP_STEP) {
+    const intv hit = fabs(loadv(values + i)) == (realv)largest;
+    first = min(first, select((intv)INT_MAX, LANES + (intv)(int)i, hit));
+  }
+  return least_lane(first);
+}
+
+// 2^-e of a largest magnitude, so that neither it nor 2^e overflows or vanishes.
+inline float scale_of(float largest) {
+  return largest > 0.0f ? ldexp(1.0f, -clamp(ilogb(largest), -126, 126)) : 1.0f;
+}
+
+inline float largest_magnitude(__global const float* values, ulong count) {
+  float largest = 0.0f;
+  ulong i = 0;
+  realv largest_lanes = 0.0f;
+  for (; i + VW <= count; i += VW) {
+    const realv x = fabs(loadv(values + i));
+    largest_lanes = LARGER(largest_lanes, x);
+  }
+  for (; i < count; ++i) largest = LARGER(largest, fabs(values[i]));
+  const float lane = largest_lane(largest_lanes);
+  return LARGER(largest, lane);
+}
+
+// Sum of (scale values)^2; NaN where a value is NaN or infinite.
+inline float energy_of(__global const float* values, ulong count, float scale) {
+  realv sum = 0.0f;
+  float rest = 0.0f;
+  ulong i = 0;
+  for (; i + VW <= count; i += VW) {
+    const realv x = scale * loadv(values + i);
+    sum = fma(x, x, sum);
+  }
+  for (; i < count; ++i) rest = fma(scale * values[i], scale * values[i], rest);
+  const float energy = sum_lanes(sum) + rest;
+  return energy < INFINITY ? energy : NAN;
+}
+
+// units and inverse of row-major atoms; rows past the last are zero. Work-item (atom, padded).
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void normalise_atoms(ulong atoms, ulong dimension, ulong dimension_p,
+                              __global const float* restrict D, ulong offset, ulong leading,
+                              __global float* restrict units, __global float* restrict inverse) {
+  const ulong n = get_global_id(0);
+  __global float* unit = units + n * dimension_p;
+  float scale = 0.0f, factor = 0.0f;
+  __global const float* atom = D + offset + n * leading;
+  if (n < atoms) {
+    scale = scale_of(largest_magnitude(atom, dimension));
+    const float energy = energy_of(atom, dimension, scale);
+    if (energy > 0.0f) factor = 1.0f / sqrt(energy);
+  }
+  const bool usable = factor > 0.0f;
+  for (ulong i = 0; i < dimension_p; ++i) {
+    unit[i] = usable && i < dimension ? scale * atom[i] * factor : 0.0f;
+  }
+  inverse[n] = usable ? SMALLER(factor * scale, FLT_MAX) : 0.0f;
+}
+
+// scales and energies of row-major signals. Work-item (`per_item` signals).
+WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void measure_signals(ulong signals, ulong per_item, ulong dimension,
+                              __global const float* restrict Y, ulong offset, ulong leading,
+                              __global float* restrict scales, __global float* restrict energies) {
+  const ulong begin = get_global_id(0) * per_item;
+  const ulong end = min(begin + per_item, signals);
+  for (ulong s = begin; s < end; ++s) {
+    __global const float* y = Y + offset + s * leading;
+    const float scale = scale_of(largest_magnitude(y, dimension));
+    scales[s] = scale;
+    energies[s] = energy_of(y, dimension, scale);
+  }
+}
+
+// Writes a code of `count` atoms: x from a and l, then entries past the count. l: [count][l_row], zero
+// from its diagonal on.
+inline void write_code(uint count, uint k, ulong atoms, float scale, __global float* a,
+                       __global const float* l, ulong l_row, __global const uint* chosen,
+                       __global const float* inverse, __global uint* indices,
+                       __global float* coefficients) {
+  // a_j -= x_t l_tj, from the last
+  for (uint t = count; t-- > 1;) {
+    const float x = a[t];
+    __global const float* row = l + t * l_row;
+    for (uint j = 0; j < t; j += VW) storev(fma((realv)(-x), loadv(row + j), loadv(a + j)), a + j);
+  }
+  const float unscale = 1.0f / scale;
+  for (uint t = 0; t < count; ++t) {
+    const uint n = chosen[t];
+    const float x = a[t] * inverse[n] * unscale;
+    indices[t] = n;
+    coefficients[t] = clamp(x, -FLT_MAX, FLT_MAX);
+  }
+  uint unused = 0;
+  for (uint t = count; t < k; ++t) {
+    for (uint j = 0; j < count;) {
+      const bool taken = chosen[j] == unused;
+      if (taken) ++unused;
+      j = taken ? 0 : j + 1;
+    }
+    indices[t] = unused < atoms ? unused++ : 0;
+    coefficients[t] = 0.0f;
+  }
+}
+
+// What a group works in while it codes a signal, `stride` floats a group, zero at first:
+//
+//   c: [A]   q: [k][A]   l: [k][l_row]   a: [l_row]   1 / p: [l_row]   chosen: [l_row]
+//
+// l_row is k padded to whole vectors.
+WIDE_VECTORS __attribute__((reqd_work_group_size(ITEMS, 1, 1)))
+__kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A, uint k, uint steps,
+                           float target, __global const float* restrict correlations,
+                           ulong c_offset, __global const float* restrict G, __global const float* restrict inverse,
+                           __global const float* restrict scales,
+                           __global const float* restrict energies, __global float* scratch,
+                           ulong stride, ulong l_row, ulong first, __global uint* restrict indices,
+                           __global float* restrict coefficients, __global uint* restrict counts,
+                           ulong first_residual, __global float* restrict residuals) {
+  DECLARE_LOCALS
+  __global float* c = scratch + get_group_id(0) * stride;
+  __global float* q = c + A;
+  __global float* l = q + steps * A;
+  __global float* a = l + steps * l_row;
+  __global float* inverses = a + l_row;
+  __global uint* chosen = (__global uint*)(inverses + l_row);
+  const ulong begin = get_group_id(0) * per_group;
+  const ulong end = min(begin + per_group, signals);
+  for (ulong s = begin; s < end; ++s) {
+    const float scale = scales[s];
+    const float energy = energies[s];
+    const float wanted = target * scale * (target * scale);
+    const float precise = LEAST_ENERGY * energy;
+    const float smallest = SMALLEST_FOLLOWED * sqrt(energy);
+    float left = energy;  // |r|^2
+    uint count = 0;
+    bool recode = energy > 0.0f && (scale < SMALLEST_SCALE || scale > 1.0f / SMALLEST_SCALE);
+    bool more = energy > wanted && !recode;
+
+    // c = 2^-e D y
+    realv largest_lanes = -1.0f;
+    for (ulong i = item * VW; i < A; i += GROUP_STEP) {
+      const realv x = scale * loadv(correlations + c_offset + s * A + i);
+      storev(x, c + i);
+      const realv magnitude = fabs(x);
+      largest_lanes = LARGER(magnitude, largest_lanes);
+    }
+    while (more) {
+      // the best atom
+      const float largest = largest_lane(largest_lanes);
+      const Candidate own = {largest, index_of(c, A, largest, item)};
+      const Candidate best = GROUP_LARGEST(own);
+      recode = !(best.value > smallest);
+      const uint n = min((uint)best.index, (uint)(A - 1));
+      const float correlation = c[n];
+
+      // its part that is orthogonal to the span of those before
+      __global const float* g = G + n * A;
+      __global float* row = l + count * l_row;
+      float pivot = g[n];
+      for (uint j = 0; j < count; ++j) {
+        const float inner = q[j * A + n];
+        const float factor = inner * inverses[j];
+        if (item == 0) row[j] = factor;
+        pivot -= factor * inner;
+        recode |= chosen[j] == n;
+      }
+      recode |= pivot < LEAST_PIVOT;
+      const float inverse_pivot = 1.0f / pivot;
+      const float step = correlation * inverse_pivot;
+      SYNCHRONISE
+      if (item == 0) {
+        a[count] = step;
+        inverses[count] = inverse_pivot;
+        chosen[count] = n;
+      }
+      SYNCHRONISE
+      left -= step * correlation;
+      const bool reached = left <= wanted || left < precise;
+      more = count + 1 < steps && !reached && !recode;
+      if (more) {
+        // q_t, c without it, and the largest of that
+        __global float* q_t = q + count * A;
+        largest_lanes = -1.0f;
+        for (ulong i = item * BLOCK * VW; i < A; i += BLOCK * GROUP_STEP) {
+          realv x[BLOCK];
+#pragma unroll
+          for (uint b = 0; b < BLOCK; ++b) x[b] = loadv(g + i + b * VW);
+          for (uint j = 0; j < count; ++j) {
+            const realv factor = row[j];
+            __global const float* q_j = q + j * A + i;
+#pragma unroll
+            for (uint b = 0; b < BLOCK; ++b) x[b] = fma(-factor, loadv(q_j + b * VW), x[b]);
+          }
+#pragma unroll
+          for (uint b = 0; b < BLOCK; ++b) {
+            storev(x[b], q_t + i + b * VW);
+            const realv rest = fma((realv)(-step), x[b], loadv(c + i + b * VW));
+            storev(rest, c + i + b * VW);
+            const realv magnitude = fabs(rest);
+            largest_lanes = LARGER(magnitude, largest_lanes);
+          }
+        }
+      }
+      ++count;
+    }
+    // A residual that this recurrence can't know, or a target that it can't see
+    recode |= energy > 0.0f && left < precise;
+    recode |= left <= wanted && wanted < 4.0f * precise;
+    SYNCHRONISE
+    if (item == 0) {
+      residuals[first_residual + s] = sqrt(left < 0.0f ? 0.0f : left) / scale;
+      counts[first + s] = recode ? RECODE : count;
+      if (!recode) {
+        write_code(count, k, atoms, scale, a, l, l_row, chosen, inverse, indices + (first + s) * k,
+                   coefficients + (first + s) * k);
+      }
+    }
+    SYNCHRONISE
+  }
+}
+
+// A batch of signals that step_by_residual works on, and their state:
+//
+//   list:     [batch]              places of the signals in Y and among the codes
+//   r:        [batch][dimension_p] residuals, scaled and padded with zero; |r|^2 in `left`
+//   q:        [batch][steps][dimension_p]  parts of the chosen atoms, orthogonal to those before
+//   l:        [batch][steps][l_row]        d_(n_t) = q_t + sum_(j<t) l_tj q_j; zero at first
+//   a, inverses, chosen: [batch][l_row]    coefficients of q_t, 1 / |q_t|^2, n_t
+//   count:    [batch]              atoms so far; ENDED once the code is written
+//
+// Work-item (signal of the batch).
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void gather_signals(ulong dimension, ulong dimension_p, __global const uint* restrict list,
+                             __global const float* restrict Y, ulong offset, ulong leading,
+                             __global float* restrict r, __global float* restrict scales,
+                             __global float* restrict energies, __global float* restrict left,
+                             __global uint* restrict count) {
+  const ulong b = get_global_id(0);
+  __global const float* y = Y + offset + list[b] * leading;
+  const float scale = scale_of(largest_magnitude(y, dimension));
+  const float energy = energy_of(y, dimension, scale);
+  for (ulong i = 0; i < dimension_p; ++i) {
+    r[b * dimension_p + i] = i < dimension && energy > 0.0f ? scale * y[i] : 0.0f;
+  }
+  scales[b] = scale;
+  energies[b] = left[b] = energy;
+  count[b] = 0;
+}
+
+// v . w, and w -= f v, of a work-item's share.
+inline float own_dot(__global const float* v, __global const float* w, ulong count, uint item) {
+  realv sum = 0.0f;
+  for (ulong i = item * VW; i < count; i += GROUP_STEP) {
+    sum = fma(loadv(v + i), loadv(w + i), sum);
+  }
+  return sum_lanes(sum);
+}
+inline void own_subtract(float f, __global const float* v, __global float* w, ulong count, uint item) {
+  for (ulong i = item * VW; i < count; i += GROUP_STEP) {
+    storev(fma((realv)(-f), loadv(v + i), loadv(w + i)), w + i);
+  }
+}
+
+// One more atom for each signal of a batch, or the end of its code. correlations: [batch][A], of its
+// residual; those of atoms that can't be chosen become zero. A group takes `per_group` signals.
+WIDE_VECTORS __attribute__((reqd_work_group_size(ITEMS, 1, 1)))
+__kernel void step_by_residual(ulong batch, ulong per_group, ulong atoms, ulong A, ulong dimension_p,
+                               uint k, uint steps, float target, __global float* correlations,
+                               __global const float* restrict units,
+                               __global const float* restrict inverse,
+                               __global const uint* restrict list,
+                               __global const float* restrict scales,
+                               __global const float* restrict energies, __global float* r,
+                               __global float* left, __global float* q, __global float* l,
+                               ulong l_row, __global float* a, __global float* inverses,
+                               __global uint* chosen, __global uint* count, ulong first,
+                               __global uint* restrict indices, __global float* restrict coefficients,
+                               __global uint* restrict counts, ulong first_residual,
+                               __global float* restrict residuals) {
+  DECLARE_LOCALS
+  const ulong begin = get_group_id(0) * per_group;
+  const ulong end = min(begin + per_group, batch);
+  for (ulong s = begin; s < end; ++s) {
+    const uint t = count[s];
+    const float scale = scales[s];
+    const float energy = energies[s];
+    const float wanted = target * scale * (target * scale);
+    const float smallest = SMALLEST_CORRELATION * sqrt(energy);
+    float rest = left[s];
+    __global float* c = correlations + s * A;
+    __global float* r_s = r + s * dimension_p;
+    __global float* q_s = q + s * steps * dimension_p;
+    __global float* q_t = q_s + t * dimension_p;  // not used where t is steps or more
+    __global float* l_s = l + s * steps * l_row;
+    __global float* a_s = a + s * l_row;
+    __global float* inverses_s = inverses + s * l_row;
+    __global uint* chosen_s = chosen + s * l_row;
+    bool more = t < steps && energy > 0.0f && rest > wanted;
+    bool found = false;
+    SYNCHRONISE
+    if (item == 0 && more) {
+      for (uint j = 0; j < t; ++j) c[chosen_s[j]] = 0.0f;
+    }
+    SYNCHRONISE
+    for (uint dependent = 0; more;) {
+      // the best atom
+      realv largest_lanes = 0.0f;
+      for (ulong i = item * VW; i < A; i += GROUP_STEP) {
+        const realv magnitude = fabs(loadv(c + i));
+        largest_lanes = LARGER(magnitude, largest_lanes);
+      }
+      const float largest = largest_lane(largest_lanes);
+      const Candidate own = {largest, index_of(c, A, largest, item)};
+      const Candidate best = GROUP_LARGEST(own);
+      const uint n = min((uint)best.index, (uint)(A - 1));
+      more = best.value > smallest;
+      if (more) {
+        // its part orthogonal to the span of those before; twice is enough
+        for (ulong i = item * VW; i < dimension_p; i += GROUP_STEP) {
+          storev(loadv(units + n * dimension_p + i), q_t + i);
+        }
+        for (uint turn = 0; turn < 2; ++turn) {
+          for (uint j = 0; j < t; ++j) {
+            __global const float* q_j = q_s + j * dimension_p;
+            const float inner = GROUP_SUM(own_dot(q_j, q_t, dimension_p, item));
+            const float factor = inner * inverses_s[j];
+            own_subtract(factor, q_j, q_t, dimension_p, item);
+            if (item == 0) l_s[t * l_row + j] = turn == 0 ? factor : l_s[t * l_row + j] + factor;
+          }
+        }
+        const float pivot = GROUP_SUM(own_dot(q_t, q_t, dimension_p, item));
+        found = pivot > LEAST_DISTANCE * LEAST_DISTANCE;
+        if (found) {
+          const float step = GROUP_SUM(own_dot(q_t, r_s, dimension_p, item)) / pivot;
+          own_subtract(step, q_t, r_s, dimension_p, item);
+          rest = GROUP_SUM(own_dot(r_s, r_s, dimension_p, item));
+          if (item == 0) {
+            a_s[t] = step;
+            inverses_s[t] = 1.0f / pivot;
+            chosen_s[t] = n;
+          }
+        } else if (item == 0) {
+          c[n] = 0.0f;
+        }
+        SYNCHRONISE
+        ++dependent;
+        more = !found && dependent < MOST_DEPENDENT;
+      }
+    }
+    if (item == 0 && t != ENDED) {
+      const uint now = t + (found ? 1 : 0);
+      const ulong place = list[s];
+      left[s] = rest;
+      count[s] = now;
+      if (!found || now == steps || rest <= wanted) {
+        residuals[first_residual + place] = sqrt(rest) / scale;
+        counts[first + place] = now;
+        write_code(now, k, atoms, scale, a_s, l_s, l_row, chosen_s, inverse,
+                   indices + (first + place) * k, coefficients + (first + place) * k);
+        count[s] = ENDED;
+      }
+    }
+    SYNCHRONISE
+  }
+}
