@@ -19,6 +19,7 @@ extern const KernelSource error_sums;
 extern const KernelSource gemm;
 extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
+extern const KernelSource ksvd_update;
 extern const KernelSource look_up_factors;
 extern const KernelSource look_up_train;
 extern const KernelSource pack_mode;
