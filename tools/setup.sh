@@ -3,7 +3,8 @@
 #
 #   sh tools/setup.sh            packages to build and run the program
 #   sh tools/setup.sh --tests    also those of the tests and of the style checks
-#   sh tools/setup.sh --peers    also the libraries that tools/peers compares with
+#   sh tools/setup.sh --peers    also what tools/peers compares with; TensorLy, which Debian does not have,
+#                                by pip
 #   sh tools/setup.sh --check    (with or without the others) only says what is missing; status 1 if
 #                                anything is
 #
@@ -20,15 +21,20 @@ test_packages="
   libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy"
 
 peer_packages="
-  libopenblas-pthread-dev libclblast-dev python3-sklearn"
+  libopenblas-pthread-dev libclblast-dev python3-sklearn python3-scipy python3-pip"
+peer_modules="tensorly"
 
 check=no
 packages=$build_packages
+modules=
 for argument in "$@"; do
   case $argument in
     --check) check=yes ;;
     --tests) packages="$packages $test_packages" ;;
-    --peers) packages="$packages $peer_packages" ;;
+    --peers)
+      packages="$packages $peer_packages"
+      modules=$peer_modules
+      ;;
     *)
       echo "usage: sh tools/setup.sh [--check] [--tests] [--peers]" >&2
       exit 2
@@ -49,24 +55,37 @@ for package in $packages; do
   [ "$status" = "install ok installed" ] || missing="$missing $package"
 done
 
-if [ -z "$missing" ]; then
+missing_modules=
+for module in $modules; do
+  /usr/bin/python3 -c "import $module" 2>/dev/null || missing_modules="$missing_modules $module"
+done
+
+if [ -z "$missing$missing_modules" ]; then
   echo "setup: all packages are there"
   exit 0
 fi
-echo "setup: missing packages:$missing"
+[ -z "$missing" ] || echo "setup: missing packages:$missing"
+[ -z "$missing_modules" ] || echo "setup: missing Python modules:$missing_modules"
 [ "$check" = yes ] && exit 1
 
-as_root=
-if [ "$(id -u)" -ne 0 ]; then
-  if ! command -v sudo >/dev/null 2>&1; then
-    echo "setup: neither root nor sudo; run as root: apt-get install$missing" >&2
-    exit 1
+if [ -n "$missing" ]; then
+  as_root=
+  if [ "$(id -u)" -ne 0 ]; then
+    if ! command -v sudo >/dev/null 2>&1; then
+      echo "setup: neither root nor sudo; run as root: apt-get install$missing" >&2
+      exit 1
+    fi
+    as_root=sudo
   fi
-  as_root=sudo
+  echo "setup: installing them with apt-get"
+  # An outdated list of packages may still do: the installation decides.
+  $as_root env DEBIAN_FRONTEND=noninteractive apt-get update -q </dev/null ||
+    echo "setup: the list of packages could not be renewed" >&2
+  $as_root env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -q -y --no-install-recommends $missing </dev/null
 fi
-echo "setup: installing them with apt-get"
-# An outdated list of packages may still do: the installation decides.
-$as_root env DEBIAN_FRONTEND=noninteractive apt-get update -q </dev/null ||
-  echo "setup: the list of packages could not be renewed" >&2
-$as_root env DEBIAN_FRONTEND=noninteractive \
-  apt-get install -q -y --no-install-recommends $missing </dev/null
+if [ -n "$missing_modules" ]; then
+  # beside Debian's own NumPy and SciPy, for this user alone
+  echo "setup: installing them with pip"
+  /usr/bin/python3 -m pip install -q --user --break-system-packages $missing_modules
+fi
