@@ -240,7 +240,7 @@ __kernel void measure_signals(ulong signals, ulong per_item, ulong dimension,
 }
 
 // Writes a code of `count` atoms: x from a and l, then entries past the count. l: [count][l_row], zero
-// from its diagonal on.
+// from its diagonal to the end of a vector.
 inline void write_code(uint count, uint k, ulong atoms, float scale, __global float* a,
                        __global const float* l, ulong l_row, __global const uint* chosen,
                        __global const float* inverse, __global uint* indices,
@@ -270,7 +270,7 @@ inline void write_code(uint count, uint k, ulong atoms, float scale, __global fl
   }
 }
 
-// What a group works in while it codes a signal, `stride` floats a group, zero at first:
+// What a group works in while it codes a signal, `stride` floats a group:
 //
 //   c: [A]   q: [k][A]   l: [k][l_row]   a: [l_row]   1 / p: [l_row]   chosen: [l_row]
 //
@@ -325,6 +325,10 @@ __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A,
       __global const float* g = G + n * A;
       __global float* row = l + count * l_row;
       float pivot = g[n];
+      if (item == 0) {
+        storev((realv)0.0f, row + count / VW * VW);
+        if (count % VW == 0) storev((realv)0.0f, a + count);
+      }
       for (uint j = 0; j < count; ++j) {
         const float inner = q[j * A + n];
         const float factor = inner * inverses[j];
@@ -392,7 +396,7 @@ __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A,
 //   list:     [batch]              places of the signals in Y and among the codes
 //   r:        [batch][dimension_p] residuals, scaled and padded with zero; |r|^2 in `left`
 //   q:        [batch][steps][dimension_p]  parts of the chosen atoms, orthogonal to those before
-//   l:        [batch][steps][l_row]        d_(n_t) = q_t + sum_(j<t) l_tj q_j; zero at first
+//   l:        [batch][steps][l_row]        d_(n_t) = q_t + sum_(j<t) l_tj q_j
 //   a, inverses, chosen: [batch][l_row]    coefficients of q_t, 1 / |q_t|^2, n_t
 //   count:    [batch]              atoms so far; ENDED once the code is written
 //
@@ -470,7 +474,8 @@ __kernel void step_by_residual(ulong batch, ulong per_group, ulong atoms, ulong 
       for (uint j = 0; j < t; ++j) c[chosen_s[j]] = 0.0f;
     }
     SYNCHRONISE
-    for (uint dependent = 0; more;) {
+    uint dependent = 0;
+    while (more) {
       // the best atom
       realv largest_lanes = 0.0f;
       for (ulong i = item * VW; i < A; i += GROUP_STEP) {
@@ -481,39 +486,44 @@ __kernel void step_by_residual(ulong batch, ulong per_group, ulong atoms, ulong 
       const Candidate own = {largest, index_of(c, A, largest, item)};
       const Candidate best = GROUP_LARGEST(own);
       const uint n = min((uint)best.index, (uint)(A - 1));
-      more = best.value > smallest;
-      if (more) {
-        // its part orthogonal to the span of those before; twice is enough
-        for (ulong i = item * VW; i < dimension_p; i += GROUP_STEP) {
-          storev(loadv(units + n * dimension_p + i), q_t + i);
+      const bool correlated = best.value > smallest;
+
+      // its part orthogonal to the span of those before; twice is enough
+      for (ulong i = item * VW; i < dimension_p; i += GROUP_STEP) {
+        storev(loadv(units + n * dimension_p + i), q_t + i);
+      }
+      if (item == 0) {
+        storev((realv)0.0f, l_s + t * l_row + t / VW * VW);
+        if (t % VW == 0) storev((realv)0.0f, a_s + t);
+      }
+      for (uint turn = 0; turn < 2; ++turn) {
+        for (uint j = 0; j < t; ++j) {
+          __global const float* q_j = q_s + j * dimension_p;
+          const float inner = GROUP_SUM(own_dot(q_j, q_t, dimension_p, item));
+          const float factor = inner * inverses_s[j];
+          own_subtract(factor, q_j, q_t, dimension_p, item);
+          if (item == 0) l_s[t * l_row + j] = turn == 0 ? factor : l_s[t * l_row + j] + factor;
         }
-        for (uint turn = 0; turn < 2; ++turn) {
-          for (uint j = 0; j < t; ++j) {
-            __global const float* q_j = q_s + j * dimension_p;
-            const float inner = GROUP_SUM(own_dot(q_j, q_t, dimension_p, item));
-            const float factor = inner * inverses_s[j];
-            own_subtract(factor, q_j, q_t, dimension_p, item);
-            if (item == 0) l_s[t * l_row + j] = turn == 0 ? factor : l_s[t * l_row + j] + factor;
-          }
-        }
-        const float pivot = GROUP_SUM(own_dot(q_t, q_t, dimension_p, item));
-        found = pivot > LEAST_DISTANCE * LEAST_DISTANCE;
+      }
+      const float pivot = GROUP_SUM(own_dot(q_t, q_t, dimension_p, item));
+      const float product = GROUP_SUM(own_dot(q_t, r_s, dimension_p, item));
+      found = correlated && pivot > LEAST_DISTANCE * LEAST_DISTANCE;
+      const float step = found ? product / pivot : 0.0f;
+      own_subtract(step, q_t, r_s, dimension_p, item);
+      const float now = GROUP_SUM(own_dot(r_s, r_s, dimension_p, item));
+      rest = found ? now : rest;
+      if (item == 0) {
         if (found) {
-          const float step = GROUP_SUM(own_dot(q_t, r_s, dimension_p, item)) / pivot;
-          own_subtract(step, q_t, r_s, dimension_p, item);
-          rest = GROUP_SUM(own_dot(r_s, r_s, dimension_p, item));
-          if (item == 0) {
-            a_s[t] = step;
-            inverses_s[t] = 1.0f / pivot;
-            chosen_s[t] = n;
-          }
-        } else if (item == 0) {
+          a_s[t] = step;
+          inverses_s[t] = 1.0f / pivot;
+          chosen_s[t] = n;
+        } else {
           c[n] = 0.0f;
         }
-        SYNCHRONISE
-        ++dependent;
-        more = !found && dependent < MOST_DEPENDENT;
       }
+      SYNCHRONISE
+      ++dependent;
+      more = correlated && !found && dependent < MOST_DEPENDENT;
     }
     if (item == 0 && t != ENDED) {
       const uint now = t + (found ? 1 : 0);

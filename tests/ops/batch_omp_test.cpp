@@ -51,8 +51,8 @@ struct Codes {
 std::vector<OmpOptions> every_way(const OmpTarget& target) {
   std::vector<OmpOptions> ways;
   for (const OmpForm form : {OmpForm::gram, OmpForm::residual}) {
-    for (const ops::Family family : {ops::Family::panels}) {
-      ways.push_back({target, form, family});
+    for (const ops::Family family : {ops::Family::panels, ops::Family::tiles}) {
+      ways.push_back({target, form, family, ops::Family::panels});
     }
   }
   return ways;

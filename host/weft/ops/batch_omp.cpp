@@ -29,6 +29,10 @@ constexpr std::size_t measured_at_once = 64;
 // steps of a batch between two looks whether all its codes have ended
 constexpr std::size_t steps_between_looks = 8;
 
+bool in_tiles(const Device& device, Family family) {
+  return family == Family::tiles || (family == Family::automatic && !device.limits().is_cpu);
+}
+
 void launch_groups(Device& device, cl_kernel kernel, std::size_t groups, std::size_t items) {
   const std::array<std::size_t, 1> global{groups * items};
   const std::array<std::size_t, 1> local{items};
@@ -54,13 +58,13 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
     fail_input("sparse coding: a residual of {} can't be reached", options.target.residual);
   }
   Sizes sizes;
-  sizes.tiles = options.family == Family::tiles ||
-                (options.family == Family::automatic && !device.limits().is_cpu);
+  sizes.packed = !in_tiles(device, options.product);
+  sizes.tiles = in_tiles(device, options.family);
   sizes.vector_width = sizes.tiles ? 4 : ops::vector_width(device);
   sizes.items = sizes.tiles
                     ? std::bit_floor(std::clamp<std::size_t>(device.limits().max_work_group, 1, 64))
                     : 1;
-  sizes.A = round_up(atoms, sizes.items * sizes.vector_width * (sizes.tiles ? 1 : cpu_block));
+  sizes.A = round_up(atoms, sizes.vector_width * (sizes.tiles ? 1 : cpu_block));
   sizes.dimension_p = round_up(dimension, sizes.vector_width);
   sizes.steps = std::min({k, atoms, dimension});
   sizes.l_row = round_up(sizes.steps, sizes.vector_width);
@@ -102,7 +106,7 @@ std::vector<BatchOmp::Item> BatchOmp::items_of(const Device& device, std::size_t
       {&BatchOmp::chosen_, "chosen atoms", states},
       {&BatchOmp::count_, "counts", sizes.batch},
   };
-  if (!sizes.tiles) {
+  if (sizes.packed) {
     items.push_back(
         {&BatchOmp::packed_, "packed atoms", packed_elements(device, dimension, sizes.A)});
   }
@@ -125,9 +129,6 @@ BatchOmp::BatchOmp(Device& device, std::size_t atoms, std::size_t dimension,
   for (const Item& item : items_of(device, dimension, sizes_)) {
     this->*item.buffer = Buffer(device, item.bytes, item.what);
   }
-  device.fill_zero(l_, 0, l_.size());
-  device.fill_zero(a_, 0, a_.size());
-  if (sizes_.gram) device.fill_zero(scratch_, 0, scratch_.size());
 }
 
 std::size_t BatchOmp::bytes(const Device& device, std::size_t atoms, std::size_t dimension,
@@ -155,7 +156,7 @@ void BatchOmp::set_dictionary(const ConstMatrix& D) {
   set_arguments(normalise, ulong(atoms_), ulong(dimension_), ulong(sizes_.dimension_p), D.buffer,
                 ulong(D.offset), ulong(D.leading), units_, inverse_);
   launch_items(device_, normalise, sizes_.A);
-  if (!sizes_.tiles) {
+  if (sizes_.packed) {
     pack_panels(device_, transposed(device_, units_, sizes_.dimension_p), dimension_, sizes_.A,
                 packed_);
   }
@@ -163,7 +164,7 @@ void BatchOmp::set_dictionary(const ConstMatrix& D) {
 }
 
 void BatchOmp::product(std::size_t rows, const ConstMatrix& X, Buffer& C) {
-  if (sizes_.tiles) {
+  if (!sizes_.packed) {
     ProductOptions options;
     options.family = Family::tiles;
     gemm(device_, Transpose::no, Transpose::yes, rows, sizes_.A, dimension_, 1, X,

@@ -33,8 +33,9 @@ struct OmpOptions {
   OmpTarget target;
   OmpForm form = OmpForm::automatic;
   // panels: a work-item codes signal after signal, for CPU devices; tiles: a work-group does, for
-  // GPUs.
+  // GPUs. Of the pursuit, and of the products that it starts from.
   Family family = Family::automatic;
+  Family product = Family::automatic;
 };
 
 // Codes on the device, k = target.sparsity entries a signal, as in reference::SparseCodes. Signal s
@@ -77,6 +78,7 @@ class BatchOmp {
   // Everything that follows from the sizes alone.
   struct Sizes {
     bool gram = false;
+    bool packed = false;  // products by packed panels
     bool tiles = false;
     std::size_t vector_width = 0;
     std::size_t items = 0;         // of a work-group
