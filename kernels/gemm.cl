@@ -102,15 +102,16 @@ __kernel void scale(ulong N, uint triangle, real beta, __global real* restrict C
 #define MULTIPLY_EDGE(r) MULTIPLY(r, (r < rows ? a0[r] : 0.0f))
 
 // Work-item (macro-tile of columns, macro-tile of rows, matrix of the batch); tile_columns is a
-// multiple of NR, matrices of a batch lie a_batch, b_batch and c_batch apart.
+// multiple of NR, matrices of a batch lie a_batch, b_batch and c_batch apart; PB begins at b_offset.
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __global const real* restrict A,
                    ulong a_offset, ulong a_row, ulong a_column, ulong a_panel,
-                   ulong a_batch, __global const real* restrict PB, ulong b_batch, real beta,
+                   ulong a_batch, __global const real* restrict PB, ulong b_offset, ulong b_batch,
+                   real beta,
                    __global real* restrict C, ulong c_offset, ulong c_row, ulong c_panel,
                    ulong c_batch) {
   const ulong a_begin = a_offset + get_global_id(2) * a_batch;
-  const ulong b_begin = get_global_id(2) * b_batch;
+  const ulong b_begin = b_offset + get_global_id(2) * b_batch;
   const ulong c_begin = c_offset + get_global_id(2) * c_batch;
   const ulong j_begin = get_global_id(0) * tile_columns;
   const ulong i_begin = get_global_id(1) * MC;
@@ -119,85 +120,94 @@ __kernel void gemm(ulong M, ulong N, ulong K, ulong tile_columns, real alpha, __
   for (ulong k_begin = 0; k_begin < K; k_begin += KC) {
     const ulong k_end = min(k_begin + KC, K);
     const real block_beta = k_begin == 0 ? beta : 1.0f;
-    for (ulong j = j_begin; j < j_end; j += NR) {
+    // A panel stays in the first cache while the rows pass; where all panels of the macro-tile about
+    // do, the panels pass, and a row of C is written from one end to the other.
+    const bool by_rows = K <= 64;
+    ulong i = i_begin, j = j_begin;
+    while (i < i_end && j < j_end) {
       const uint columns = (uint)min((ulong)NR, N - j);
-      for (ulong i = i_begin; i < i_end; i += MR) {
-        const uint rows = (uint)min((ulong)MR, M - i);
-        FOR_ROWS(DECLARE)
-        __global const real* b = PB + b_begin + (j / NR) * K * NR + k_begin * NR;
+      const uint rows = (uint)min((ulong)MR, M - i);
+      FOR_ROWS(DECLARE)
+      __global const real* b = PB + b_begin + (j / NR) * K * NR + k_begin * NR;
 #if A_PANELLED
-        // A row of A is whole within a panel only.
-        for (ulong panel = k_begin; panel < k_end; panel += NR) {
-          const uint depth = (uint)min((ulong)NR, k_end - panel);
-          __global const real* a0 = A + a_begin + i * a_row + (panel / NR) * a_panel;
+      // A row of A is whole within a panel only.
+      for (ulong panel = k_begin; panel < k_end; panel += NR) {
+        const uint depth = (uint)min((ulong)NR, k_end - panel);
+        __global const real* a0 = A + a_begin + i * a_row + (panel / NR) * a_panel;
 #else
-        {
-          const uint depth = (uint)(k_end - k_begin);
-          __global const real* a0 = A + a_begin + i * a_row + k_begin * a_column;
+      {
+        const uint depth = (uint)(k_end - k_begin);
+        __global const real* a0 = A + a_begin + i * a_row + k_begin * a_column;
 #endif
 #if A_TRANSPOSED
-          if (rows < MR) {
-            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
-              FOR_ROWS(MULTIPLY_EDGE)
-            }
-          } else if (columns <= VW) {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const realv b0 = loadv(b);
-              FOR_ROWS(NARROW_COLUMN)
-            }
-          } else if (columns <= 2 * VW) {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const realv b0 = loadv(b), b1 = loadv(b + VW);
-              FOR_ROWS(PAIR_COLUMN)
-            }
-          } else {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
-              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
-              FOR_ROWS(MULTIPLY_COLUMN)
-            }
+        if (rows < MR) {
+          for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+            const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+            FOR_ROWS(MULTIPLY_EDGE)
           }
-#else
-          // Rows past the last repeat it: computed, but not stored.
-          __global const real* a1 = a0 + (rows > 1 ? a_row : 0);
-          __global const real* a2 = a1 + (rows > 2 ? a_row : 0);
-          __global const real* a3 = a2 + (rows > 3 ? a_row : 0);
-#if MR == 8
-          __global const real* a4 = a3 + (rows > 4 ? a_row : 0);
-          __global const real* a5 = a4 + (rows > 5 ? a_row : 0);
-          __global const real* a6 = a5 + (rows > 6 ? a_row : 0);
-          __global const real* a7 = a6 + (rows > 7 ? a_row : 0);
-#endif
-          if (columns <= VW) {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, b += NR) {
-              const realv b0 = loadv(b);
-              FOR_ROWS(NARROW_ROW)
-            }
-          } else if (columns <= 2 * VW) {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, b += NR) {
-              const realv b0 = loadv(b), b1 = loadv(b + VW);
-              FOR_ROWS(PAIR_ROW)
-            }
-          } else {
-            UNROLL
-            for (uint k = 0; k < depth; ++k, b += NR) {
-              const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
-              FOR_ROWS(MULTIPLY_ROW)
-            }
+        } else if (columns <= VW) {
+          UNROLL
+          for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+            const realv b0 = loadv(b);
+            FOR_ROWS(NARROW_COLUMN)
           }
-#endif
-        }
-        __global real* c_tile = C + c_begin + i * c_row + (j / NR) * c_panel;
-        if (columns == NR) {
-          FOR_ROWS(STORE)
+        } else if (columns <= 2 * VW) {
+          UNROLL
+          for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+            const realv b0 = loadv(b), b1 = loadv(b + VW);
+            FOR_ROWS(PAIR_COLUMN)
+          }
         } else {
-          FOR_ROWS(STORE_EDGE)
+          UNROLL
+          for (uint k = 0; k < depth; ++k, a0 += a_column, b += NR) {
+            const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+            FOR_ROWS(MULTIPLY_COLUMN)
+          }
         }
+#else
+        // Rows past the last repeat it: computed, but not stored.
+        __global const real* a1 = a0 + (rows > 1 ? a_row : 0);
+        __global const real* a2 = a1 + (rows > 2 ? a_row : 0);
+        __global const real* a3 = a2 + (rows > 3 ? a_row : 0);
+#if MR == 8
+        __global const real* a4 = a3 + (rows > 4 ? a_row : 0);
+        __global const real* a5 = a4 + (rows > 5 ? a_row : 0);
+        __global const real* a6 = a5 + (rows > 6 ? a_row : 0);
+        __global const real* a7 = a6 + (rows > 7 ? a_row : 0);
+#endif
+        if (columns <= VW) {
+          UNROLL
+          for (uint k = 0; k < depth; ++k, b += NR) {
+            const realv b0 = loadv(b);
+            FOR_ROWS(NARROW_ROW)
+          }
+        } else if (columns <= 2 * VW) {
+          UNROLL
+          for (uint k = 0; k < depth; ++k, b += NR) {
+            const realv b0 = loadv(b), b1 = loadv(b + VW);
+            FOR_ROWS(PAIR_ROW)
+          }
+        } else {
+          UNROLL
+          for (uint k = 0; k < depth; ++k, b += NR) {
+            const realv b0 = loadv(b), b1 = loadv(b + VW), b2 = loadv(b + 2 * VW);
+            FOR_ROWS(MULTIPLY_ROW)
+          }
+        }
+#endif
+      }
+      __global real* c_tile = C + c_begin + i * c_row + (j / NR) * c_panel;
+      if (columns == NR) {
+        FOR_ROWS(STORE)
+      } else {
+        FOR_ROWS(STORE_EDGE)
+      }
+      if (by_rows) {
+        j += NR;
+        if (j >= j_end) j = j_begin, i += MR;
+      } else {
+        i += MR;
+        if (i >= i_end) i = i_begin, j += NR;
       }
     }
   }

@@ -293,6 +293,41 @@ TEST(Gemm, TheSameBitsWhateverTheTiles) {
   for (const std::size_t rows : Sizes{1, 50, 96, 97}) EXPECT_TRUE(same_bits(product(rows), whole));
 }
 
+// One packed matrix for a whole batch, or one for each, behind something else: the bits of single
+// products.
+TEST(Gemm, PackedMatricesOfABatchLieBehindAnOffsetOrAreShared) {
+  Device& device = shared_device();
+  const std::size_t M = 9, N = 50, K = 21, batch = 3;
+  const std::vector<float> A = random_floats(batch * M * K, 9, -1.0, 1.0);
+  const std::vector<float> B = random_floats((batch + 1) * K * N, 10, -1.0, 1.0);
+  GuardedBuffer a(device, std::span<const float>(A), "A");
+  GuardedBuffer b(device, std::span<const float>(B), "B");
+  const std::size_t packed_values = ops::packed_elements(device, K, N);
+  GuardedBuffer packed(device, (batch + 1) * packed_values * sizeof(float), "packed");
+  ops::Operand all = ops::row_major(device, b.buffer(), N);
+  all.batch = K * N;
+  ops::pack_panels(device, all, K, N, packed.buffer(), batch + 1);
+  for (const bool shared : {false, true}) {
+    GuardedBuffer c(device, batch * M * N * sizeof(float), "C");
+    ops::Operand rows = ops::row_major(device, a.buffer(), K);
+    rows.batch = M * K;
+    ops::Result result = ops::to_row_major(device, c.buffer(), N);
+    result.batch = M * N;
+    ops::gemm_packed(device, M, N, K, 1, rows, {packed.buffer(), packed_values, shared}, 0, result,
+                     batch);
+    const std::vector<float> found = c.values<float>();
+    EXPECT_TRUE(c.intact());
+    for (std::size_t i = 0; i < batch; ++i) {
+      GuardedBuffer one(device, M * N * sizeof(float), "C");
+      ops::gemm(device, M, N, K, 1, ops::row_major(device, a.buffer(), K, i * M * K),
+                ops::row_major(device, b.buffer(), N, (shared ? 1 : i + 1) * K * N), 0,
+                ops::to_row_major(device, one.buffer(), N));
+      EXPECT_TRUE(all_equal(one.values<float>(), std::span(found).subspan(i * M * N, M * N)))
+          << i << (shared ? ", shared" : "");
+    }
+  }
+}
+
 TEST(PackPanels, LayoutIsExactAndPaddedWithZero) {
   Device& device = shared_device();
   const std::size_t width = ops::panel_width(device);

@@ -10,6 +10,7 @@
 #include "weft/codecs/tucker_decoder.hpp"
 #include "weft/codecs/tucker_options.hpp"
 #include "weft/codecs/tucker_plan.hpp"
+#include "weft/codecs/tucker_sampler.hpp"
 #include "weft/error.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/model/tucker_parts.hpp"

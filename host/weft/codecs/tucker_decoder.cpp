@@ -1,304 +1,332 @@
 #include "weft/codecs/tucker_decoder.hpp"
 
 #include <algorithm>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <span>
 #include <vector>
 
+#include "weft/codecs/texel_factors.hpp"
 #include "weft/device/tile_stream.hpp"
-#include "weft/ops/look_up_tucker.hpp"
-#include "weft/ops/matrix_product.hpp"
-#include "weft/ops/mode_product.hpp"
+#include "weft/ops/gemm.hpp"
+#include "weft/ops/launch.hpp"
 #include "weft/ops/turn_channels.hpp"
-#include "weft/reference/mode_product.hpp"
-#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
 
-// How a core lies for decoding: [views][lights][texels ...], where views that are merged with
-// lights are lights.
-struct CoreShape {
-  bool views_alone = false;
-  std::size_t views = 1;           // R of the views' mode
-  std::size_t lights = 1;          // R of the lights' mode
-  std::size_t light_group = 0;     // its number
-  std::size_t light_channels = 1;  // channels that are in it
-  std::size_t first_texels = 0;    // number of the first group of texels or channels alone
-  std::size_t texels = 1;          // product of the ranks from there on
+constexpr std::size_t widest_panel = 48;
+constexpr std::size_t nowhere = std::numeric_limits<std::size_t>::max();
 
-  explicit CoreShape(const TuckerModel& model) {
-    const std::vector<ModeGroup>& groups = model.groups.groups();
-    views_alone = groups[0].modes.size() == 1;
-    light_group = views_alone ? 1 : 0;
-    if (views_alone) views = model.ranks[0];
-    lights = model.ranks[light_group];
-    if (groups[light_group].has(Mode::channel)) light_channels = model.info.btf.shape.channels;
-    first_texels = light_group + 1;
-    texels = product(std::span(model.ranks).subspan(first_texels));
+// What a decoder does in which order, by the model alone.
+struct Order {
+  TuckerCore core;
+  BtfShape shape;
+  bool views_factor = false;
+  bool lights_factor = false;
+  bool texels_factor = false;
+  // The texels' factors before the rows of lights, for as many slices as the lights have ranks, and
+  // not after them, for every image.
+  bool texels_first = false;
+  // What the rows of lights are multiplied with is the core, or its product with a view's row, as
+  // it is, and not what the texels' factors made of it.
+  bool plain_lights = false;
+  std::size_t views_at_once = 1;  // views that share a pass over the core
+
+  explicit Order(const TuckerModel& model)
+      : core(model),
+        shape(model.info.btf.shape),
+        views_factor(core.views_alone && model.has_factor(0)),
+        lights_factor(model.has_factor(core.light_group)),
+        texels_factor(core.of_rows || core.of_columns) {
+    texels_first = lights_factor && (!texels_factor || (fits() && late_cost() < early_cost()));
+    plain_lights = lights_factor && !(texels_first && (texels_factor || core.channels_alone));
+    constexpr std::size_t most_values = std::size_t{32} << 20;
+    constexpr std::size_t most_views = 24;  // three micro-tiles of 8 rows
+    const std::size_t most = std::min(most_views, shape.views);
+    views_at_once = std::clamp<std::size_t>(most_values / view_values(), 1, most);
+    // blocks of equal size
+    const std::size_t blocks = ops::ceil_div(shape.views, views_at_once);
+    views_at_once = std::min(views_at_once, ops::round_up(ops::ceil_div(shape.views, blocks), 8));
+  }
+
+  // Images that share a view's slices.
+  std::size_t lights() const { return core.views_alone ? shape.lights : shape.images(); }
+  // What a row of lights gives: values before and after the texels' factors.
+  std::size_t row_values() const {
+    return texels_first ? shape.image_values() / core.light_channels : core.slice();
+  }
+  // Values of one view's product with the core, as it is stored.
+  std::size_t view_values() const {
+    return plain_lights ? core.lights * ops::round_up(core.slice(), widest_panel)
+                        : core.lights * core.slice();
+  }
+  // Slices of lights that go through the texels' factors at a time.
+  std::size_t images_at_once() const {
+    constexpr std::size_t most_values = std::size_t{1} << 20;
+    return std::max<std::size_t>(
+        1, most_values / (core.light_channels * std::max(core.slice(), core.expanded())));
+  }
+  double mixing_flops() const {
+    return core.of_channels ? 2.0 * static_cast<double>(shape.image_values() * core.channels) : 0;
+  }
+
+  // Flops of an image.
+  double flops() const {
+    const double rows = static_cast<double>(core.light_channels);
+    double flops = 0;
+    if (views_factor) {
+      flops += 2.0 * static_cast<double>(core.views * core.lights * core.slice()) /
+               static_cast<double>(shape.lights);
+    }
+    if (lights_factor) flops += 2.0 * rows * static_cast<double>(core.lights * row_values());
+    const double slices = texels_first ? static_cast<double>(core.lights) / images_of_view() : rows;
+    return flops + slices * TexelFactors::flops(core) +
+           (texels_first ? slices : 1.0) * mixing_flops();
+  }
+
+ private:
+  double images_of_view() const { return static_cast<double>(lights()); }
+  // Either order's flops for an image, and what it moves, which takes as long as so many flops.
+  static constexpr double moved = 8;
+  double late_cost() const {
+    const double slices = static_cast<double>(core.lights) / images_of_view();
+    const double image = static_cast<double>(shape.image_values());
+    return slices * (TexelFactors::flops(core) + mixing_flops() +
+                     moved * (TexelFactors::traffic(core) + 2 * image)) +
+           image * (2 * static_cast<double>(core.lights) + moved);
+  }
+  double early_cost() const {
+    const double rows = static_cast<double>(core.light_channels);
+    return rows * (2 * static_cast<double>(core.lights * core.slice()) + TexelFactors::flops(core) +
+                   moved * TexelFactors::traffic(core)) +
+           mixing_flops() + 2 * moved * static_cast<double>(shape.image_values());
+  }
+  // Whether what the lights share is not much larger than the model.
+  bool fits() const {
+    constexpr std::size_t most_values = std::size_t{32} << 20;
+    return core.lights * (core.expanded() + shape.image_values() / core.light_channels) <=
+           std::max(most_values, core.views * core.lights * core.slice());
   }
 };
 
-// Views that share a multiplication of the core: few enough that their products stay small.
-std::size_t views_at_once(const TuckerModel& model, const CoreShape& core) {
-  constexpr std::size_t most_values = std::size_t{16} << 20;
-  return std::clamp<std::size_t>(most_values / (core.lights * core.texels), 1,
-                                 std::min<std::size_t>(16, model.info.btf.shape.views));
-}
-
-Buffer factor_buffer(Device& device, const std::vector<float>& values) {
-  if (values.empty()) return {};
-  Buffer buffer(device, values.size() * sizeof(float), "factor");
+Buffer plain_buffer(Device& device, const std::vector<float>& values, const char* what) {
+  Buffer buffer(device, values.size() * sizeof(float), what);
   device.write(buffer, std::span<const float>(values));
   return buffer;
+}
+
+// The matrix [rows][groups columns] in panels of rows, the columns of each group in panels too, so
+// that a row of a product with it is `groups` rows in panels:
+//
+//   [ceil(columns / NR)][groups][rows][NR]
+//
+// With one group these are the panels of gemm.cl.
+Buffer packed_core(Device& device, std::span<const float> core, std::size_t rows,
+                   std::size_t groups, std::size_t columns) {
+  const std::size_t width = ops::panel_width(device);
+  const std::size_t panels = ops::ceil_div(columns, width);
+  const std::size_t panel_values = groups * rows * width;
+  Buffer packed(device, panels * panel_values * sizeof(float), "core");
+  constexpr std::size_t most_values = std::size_t{2} << 20;
+  const std::size_t at_once = std::clamp<std::size_t>(most_values / panel_values, 1, panels);
+  std::vector<float> part(at_once * panel_values);
+  for (std::size_t first = 0; first < panels; first += at_once) {
+    const std::size_t count = std::min(at_once, panels - first);
+    float* to = part.data();
+    for (std::size_t panel = first; panel < first + count; ++panel) {
+      const std::size_t begin = panel * width;
+      const std::size_t whole = std::min(width, columns - begin);
+      for (std::size_t group = 0; group < groups; ++group) {
+        for (std::size_t row = 0; row < rows; ++row, to += width) {
+          const float* from = core.data() + (row * groups + group) * columns + begin;
+          std::copy_n(from, whole, to);
+          std::fill(to + whole, to + width, 0.0f);
+        }
+      }
+    }
+    device.write(packed, std::span<const float>(part).first(count * panel_values),
+                 first * panel_values);
+  }
+  return packed;
 }
 
 class TuckerDeviceDecoder final : public DeviceDecoder {
  public:
   TuckerDeviceDecoder(Device& device, const TuckerModel& model)
-      : device_(device),
-        shape_(model.info.btf.shape),
-        core_shape_(model),
-        sizes_(model.ranks),
-        channels_first_(model.groups.channels_first()),
-        at_once_(views_at_once(model, core_shape_)),
-        core_(factor_buffer(device, model.core)) {
-    for (const std::vector<float>& factor : model.factors) {
-      factors_.push_back(factor_buffer(device, factor));
+      : device_(device), order_(model), texels_(device, order_.core) {
+    const TuckerCore& core = order_.core;
+    if (order_.views_factor) {
+      // the core's product with a view is slices, or a matrix of lights in panels
+      core_ = order_.plain_lights
+                  ? packed_core(device, model.core, core.views, core.lights, core.slice())
+                  : packed_core(device, model.core, core.views, 1, core.lights * core.slice());
+      views_ = plain_buffer(device, model.factors[0], "factor of views");
+      view_values_ = order_.plain_lights ? ops::packed_elements(device, core.lights, core.slice())
+                                         : core.lights * core.slice();
+      of_views_ =
+          Buffer(device, order_.views_at_once * view_values_ * sizeof(float), "core of some views");
+    } else {
+      core_ = plain_buffer(device, model.core, "core");
+      view_values_ = core.lights * core.slice();
     }
-    const std::vector<std::size_t> whole = model.groups.sizes();
-    for (std::size_t n = core_shape_.first_texels; n < whole.size(); ++n) {
-      if (!factors_[n]) continue;
-      expanded_.push_back(n);
+    if (order_.lights_factor) {
+      lights_ = plain_buffer(device, model.factors[core.light_group], "factor of lights");
+      if (!(order_.plain_lights && order_.views_factor)) {
+        packed_ = Buffer(
+            device, ops::packed_elements(device, core.lights, order_.row_values()) * sizeof(float),
+            "slices of lights");
+      }
     }
-    // the modes that grow least come first
-    std::sort(expanded_.begin(), expanded_.end(), [&](std::size_t a, std::size_t b) {
-      return whole[a] * sizes_[b] < whole[b] * sizes_[a];
-    });
-    whole_ = whole;
-    if (core_shape_.views_alone && factors_[0]) {
-      of_views_ = Buffer(device, at_once_ * core_shape_.lights * core_shape_.texels * sizeof(float),
-                         "core of some views");
+    if (core.of_channels) channels_ = plain_buffer(device, *core.of_channels, "factor of channels");
+    if (texels_.any() && order_.texels_first) {
+      slices_ = Buffer(device, core.lights * core.expanded() * sizeof(float), "expanded slices");
+    }
+    const std::size_t rows = order_.images_at_once() * core.light_channels;
+    if (order_.lights_factor && (!order_.texels_first || core.light_channels > 1)) {
+      const std::size_t values = rows * order_.row_values();
+      lit_ = Buffer(device, values * sizeof(float), "images of the core");
+    }
+    if (texels_.any() && !order_.texels_first && turns()) {
+      images_ = Buffer(device, rows * core.expanded() * sizeof(float), "images on the way");
     }
   }
 
   void decode(std::size_t first, std::size_t count, Buffer& out) override {
-    const std::size_t steps = expanded_.size() + (channels_first_ ? 1 : 0);
-    reserve(count, steps);
-    Buffer& lit = steps == 0 ? out : scratch_[0];
-    light(first, count, lit);
-    // texels and channels
-    std::vector<std::size_t> sizes{count * core_shape_.light_channels};
-    sizes.insert(sizes.end(),
-                 sizes_.begin() + static_cast<std::ptrdiff_t>(core_shape_.first_texels),
-                 sizes_.end());
-    std::size_t step = 0;
-    for (const std::size_t n : expanded_) {
-      const std::size_t at = n - core_shape_.first_texels + 1;
-      Buffer& to = step + 1 == steps ? out : scratch_[(step + 1) % 2];
-      ops::mode_product(device_, ops::mode_view(sizes, at), scratch_[step % 2],
-                        ops::ModeProduct::expand, factors_[n], whole_[n], to);
-      sizes[at] = whole_[n];
-      ++step;
-    }
-    if (channels_first_) {
-      ops::turn_channels(device_, count, shape_.channels, shape_.texels(), scratch_[step % 2], out);
-    }
-  }
-
-  double image_flops() const override {
-    const double light_rows = static_cast<double>(core_shape_.light_channels);
-    double flops = 0;
-    if (of_views_) {
-      flops += 2.0 *
-               static_cast<double>(core_shape_.views * core_shape_.lights * core_shape_.texels) /
-               static_cast<double>(shape_.lights);
-    }
-    if (factors_[core_shape_.light_group]) {
-      flops += 2.0 * light_rows * static_cast<double>(core_shape_.lights * core_shape_.texels);
-    }
-    std::vector<std::size_t> sizes = sizes_;
-    for (const std::size_t n : expanded_) {
-      const double values =
-          static_cast<double>(product(std::span(sizes).subspan(core_shape_.first_texels)));
-      flops += 2.0 * light_rows * values * static_cast<double>(whole_[n]);
-      sizes[n] = whole_[n];
-    }
-    return flops;
-  }
-
- private:
-  void reserve(std::size_t count, std::size_t steps) {
-    const std::size_t values =
-        std::max(core_shape_.texels * core_shape_.light_channels, shape_.image_values());
-    for (std::size_t i = 0; i < std::min<std::size_t>(steps, 2); ++i) {
-      if (scratch_[i].size() >= count * values * sizeof(float)) continue;
-      device_.finish();
-      scratch_[i] = Buffer();
-      scratch_[i] = Buffer(device_, count * values * sizeof(float), "images on the way");
-    }
-  }
-
-  // Images [first, first + count) as they are before the factors of texels.
-  void light(std::size_t first, std::size_t count, Buffer& out) {
-    const std::size_t image = core_shape_.texels * core_shape_.light_channels;
-    if (!core_shape_.views_alone) {
-      light_rows(core_, 0, first, count, out, 0);
-      return;
-    }
+    const std::size_t lights = order_.lights();
+    const std::size_t image = order_.shape.image_values();
     for (std::size_t i = first; i < first + count;) {
-      const std::size_t view = i / shape_.lights;
-      const std::size_t light = i % shape_.lights;
-      const std::size_t run = std::min(first + count - i, shape_.lights - light);
-      const std::size_t slice = core_shape_.lights * core_shape_.texels;
-      if (of_views_) {
-        multiply_views(view / at_once_);
-        light_rows(of_views_, view % at_once_ * slice, light, run, out, (i - first) * image);
-      } else {
-        light_rows(core_, view * slice, light, run, out, (i - first) * image);
-      }
+      const std::size_t run = std::min(first + count - i, lights - i % lights);
+      light(i / lights, i % lights, run, out, (i - first) * image);
       i += run;
     }
   }
 
-  // The core times the rows of a block of views, unless it is what was made last.
-  void multiply_views(std::size_t block) {
-    if (block == block_) return;
-    const std::size_t begin = block * at_once_;
-    const std::size_t rows = std::min(at_once_, shape_.views - begin);
-    const std::size_t slice = core_shape_.lights * core_shape_.texels;
-    ops::gemm(device_, ops::Transpose::no, ops::Transpose::no, rows, slice, core_shape_.views, 1.0,
-              {factors_[0], core_shape_.views, begin * core_shape_.views}, {core_, slice}, 0.0,
-              {of_views_, slice});
-    block_ = block;
-  }
-
-  // Rows [light, light + count) of the lights' factor times the slice at `offset`.
-  void light_rows(const Buffer& from, std::size_t offset, std::size_t light, std::size_t count,
-                  Buffer& out, std::size_t to) {
-    const std::size_t rank = core_shape_.lights;
-    const std::size_t rows = count * core_shape_.light_channels;
-    const std::size_t row = light * core_shape_.light_channels;
-    const Buffer& factor = factors_[core_shape_.light_group];
-    if (!factor) {
-      const std::size_t begin = offset + row * core_shape_.texels;
-      check_cl(clEnqueueCopyBuffer(device_.queue(), from.get(), out.get(), begin * sizeof(float),
-                                   to * sizeof(float), rows * core_shape_.texels * sizeof(float), 0,
-                                   nullptr, nullptr),
-               "clEnqueueCopyBuffer");
-      return;
-    }
-    ops::gemm(device_, ops::Transpose::no, ops::Transpose::no, rows, core_shape_.texels, rank, 1.0,
-              {factor, rank, row * rank}, {from, core_shape_.texels, offset}, 0.0,
-              {out, core_shape_.texels, to});
-  }
-
-  Device& device_;
-  BtfShape shape_;
-  CoreShape core_shape_;
-  std::vector<std::size_t> sizes_;     // of the core
-  std::vector<std::size_t> whole_;     // of the tensor
-  std::vector<std::size_t> expanded_;  // modes of texels and channels with factors
-  bool channels_first_;
-  std::size_t at_once_;
-  Buffer core_;
-  std::vector<Buffer> factors_;
-  Buffer of_views_;  // [at_once][R_light][texels]
-  std::size_t block_ = static_cast<std::size_t>(-1);
-  Buffer scratch_[2];
-};
-
-// Rows of a factor or of an identity, padded to whole vectors.
-Buffer row_buffer(Device& device, const std::vector<float>& factor, std::size_t rows,
-                  std::size_t rank, const char* what) {
-  Buffer buffer(device, ops::row_floats(rows, rank, what) * sizeof(float), what);
-  ops::write_rows(
-      device, rows, rank,
-      [&](std::size_t row, std::size_t j) {
-        return factor.empty() ? (row == j ? 1.0f : 0.0f) : factor[row * rank + j];
-      },
-      buffer);
-  return buffer;
-}
-
-class TuckerDeviceSampler final : public DeviceSampler {
- public:
-  TuckerDeviceSampler(Device& device, const TuckerModel& model)
-      : device_(device), shape_(model.info.btf.shape), core_(model) {
-    const std::vector<ModeGroup>& groups = model.groups.groups();
-    if (core_.views_alone) {
-      views_ = row_buffer(device, model.factors[0], shape_.views, core_.views, "rows of views");
-    } else {
-      views_ = row_buffer(device, {1.0f}, 1, 1, "rows of views");
-    }
-    lights_ = row_buffer(device, model.factors[core_.light_group], groups[core_.light_group].size,
-                         core_.lights, "rows of lights");
-    // the texels' core of each light and view rank, expanded: [views][lights][image]
-    const std::size_t image = shape_.image_values() / core_.light_channels;
-    const std::size_t slices = core_.views * core_.lights;
-    std::vector<float> expanded;
-    expanded.reserve(slices * image);
-    for (std::size_t s = 0; s < slices; ++s) {
-      std::vector<std::size_t> sizes(
-          model.ranks.begin() + static_cast<std::ptrdiff_t>(core_.first_texels), model.ranks.end());
-      const auto begin = model.core.begin() + static_cast<std::ptrdiff_t>(s * core_.texels);
-      std::vector<double> T(begin, begin + static_cast<std::ptrdiff_t>(core_.texels));
-      for (std::size_t n = 0; n < sizes.size(); ++n) {
-        const std::size_t group = core_.first_texels + n;
-        if (!model.has_factor(group)) continue;
-        const std::vector<double> U(model.factors[group].begin(), model.factors[group].end());
-        T = reference::mode_product(sizes, n, T, groups[group].size, U);
-        sizes[n] = groups[group].size;
-      }
-      expanded.insert(expanded.end(), T.begin(), T.end());
-    }
-    // rows [texel][channel][view] of lights
-    const std::size_t channels = shape_.channels / core_.light_channels;
-    const bool channels_first = model.groups.channels_first();
-    const std::size_t rows = image * core_.views;
-    table_ = Buffer(device, ops::row_floats(rows, core_.lights, "core by texels") * sizeof(float),
-                    "core by texels");
-    ops::write_rows(
-        device, rows, core_.lights,
-        [&](std::size_t row, std::size_t j) {
-          const std::size_t view = row % core_.views;
-          const std::size_t c = row / core_.views % channels;
-          const std::size_t p = row / core_.views / channels;
-          const std::size_t at = channels_first ? c * shape_.texels() + p : p * channels + c;
-          return expanded[(view * core_.lights + j) * image + at];
-        },
-        table_);
-  }
-
-  void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
-               Buffer& out) override {
-    validate(lookup, shape_);
-    ops::look_up_tucker(device_, {lookup, shape_, count, lookups, out},
-                        {core_.views, core_.lights, !core_.views_alone, core_.light_channels > 1},
-                        views_, lights_, table_);
-  }
-
-  double lookup_flops(const LookupShape& lookup) const override {
-    return 2.0 * static_cast<double>(lookup.texels * shape_.channels) *
-           static_cast<double>(core_.views * core_.lights);
-  }
-
-  static std::size_t bytes(const TuckerModel& model) {
-    const CoreShape core(model);
-    const BtfShape& shape = model.info.btf.shape;
-    const std::size_t image = shape.image_values() / core.light_channels;
-    const std::size_t light_rows = model.groups.groups()[core.light_group].size;
-    const std::size_t table = ops::row_floats(image * core.views, core.lights, "core by texels");
-    return (ops::row_floats(shape.views, core.views, "rows of views") +
-            ops::row_floats(light_rows, core.lights, "rows of lights") + 2 * table) *
-           sizeof(float);
-  }
+  double image_flops() const override { return order_.flops(); }
 
  private:
+  // Whether images come with their channels first.
+  bool turns() const { return order_.core.channels_alone || order_.core.light_channels > 1; }
+
+  // Images of lights [light, light + count) of a view to an offset of `out`.
+  void light(std::size_t view, std::size_t light, std::size_t count, Buffer& out,
+             std::size_t offset) {
+    const TuckerCore& core = order_.core;
+    const std::size_t image = order_.shape.image_values();
+    if (order_.lights_factor) prepare(view);
+    if (order_.texels_first && core.light_channels == 1) {
+      multiply_lights(view, light, count, out, offset);
+      return;
+    }
+    const std::size_t at_once = order_.images_at_once();
+    for (std::size_t i = 0; i < count; i += at_once) {
+      const std::size_t images = std::min(at_once, count - i);
+      const std::size_t rows = images * core.light_channels;
+      const std::size_t to = offset + i * image;
+      // the core's slice of each row
+      const Buffer* from = &lit_;
+      std::size_t at = 0;
+      if (order_.lights_factor) {
+        multiply_lights(view, light + i, images, lit_, 0);
+      } else {
+        from = &slices_of(view, at);
+        at += (light + i) * core.light_channels * core.slice();
+      }
+      if (texels_.any() && !order_.texels_first) {
+        texels_.expand(*from, at, rows, turns() ? images_ : out, turns() ? 0 : to);
+        from = &images_;
+        at = 0;
+      } else if (!turns()) {
+        check_cl(clEnqueueCopyBuffer(device_.queue(), from->get(), out.get(), at * sizeof(float),
+                                     to * sizeof(float), images * image * sizeof(float), 0, nullptr,
+                                     nullptr),
+                 "clEnqueueCopyBuffer");
+      }
+      if (turns()) ops::turn_channels(device_, channels_first(*from, at, images), out, to);
+    }
+  }
+
+  // Rows of lights times what prepare() made.
+  void multiply_lights(std::size_t view, std::size_t light, std::size_t count, Buffer& out,
+                       std::size_t offset) {
+    const std::size_t rank = order_.core.lights;
+    const std::size_t rows = order_.core.light_channels;
+    const std::size_t values = order_.row_values();
+    const bool of_views = order_.plain_lights && order_.views_factor;
+    const ops::Packed slices(of_views ? of_views_ : packed_,
+                             of_views ? view % order_.views_at_once * view_values_ : 0);
+    ops::gemm_packed(device_, count * rows, values, rank, 1,
+                     ops::row_major(device_, lights_, rank, light * rows * rank), slices, 0,
+                     ops::to_row_major(device_, out, values, offset));
+  }
+
+  // What the lights of a view share, unless it is what was made last.
+  void prepare(std::size_t view) {
+    const TuckerCore& core = order_.core;
+    std::size_t at = 0;
+    const Buffer& slices = slices_of(view, at);
+    if ((order_.plain_lights && order_.views_factor) || view == prepared_) return;
+    const Buffer* from = &slices;
+    if (slices_) {
+      texels_.expand(slices, at, core.lights, slices_, 0);
+      from = &slices_;
+      at = 0;
+    }
+    if (core.channels_alone && order_.texels_first) {
+      ops::pack_channels(device_, channels_first(*from, at, core.lights), packed_);
+    } else {
+      const std::size_t values = order_.row_values();
+      ops::pack_panels(device_, ops::row_major(device_, *from, values, at), core.lights, values,
+                       packed_);
+    }
+    prepared_ = view;
+  }
+
+  // The core times a row of views: slices [lights] at an offset of a buffer.
+  const Buffer& slices_of(std::size_t view, std::size_t& at) {
+    if (!order_.views_factor) {
+      at = view * view_values_;
+      return core_;
+    }
+    const std::size_t block = view / order_.views_at_once;
+    if (block != block_) {
+      const std::size_t rank = order_.core.views;
+      const std::size_t begin = block * order_.views_at_once;
+      const std::size_t rows = std::min(order_.views_at_once, order_.shape.views - begin);
+      ops::gemm_packed(device_, rows, view_values_, rank, 1,
+                       ops::row_major(device_, views_, rank, begin * rank), core_, 0,
+                       ops::to_row_major(device_, of_views_, view_values_));
+      block_ = block;
+    }
+    at = view % order_.views_at_once * view_values_;
+    return of_views_;
+  }
+
+  ops::ChannelsFirst channels_first(const Buffer& buffer, std::size_t offset,
+                                    std::size_t count) const {
+    const std::size_t channels = order_.shape.channels;
+    return {buffer,
+            offset,
+            count,
+            order_.shape.texels(),
+            channels,
+            order_.core.channels_alone ? order_.core.channels : channels,
+            channels_ ? &channels_ : nullptr};
+  }
+
   Device& device_;
-  BtfShape shape_;
-  CoreShape core_;
-  Buffer views_;   // [V][R_view], padded rows
-  Buffer lights_;  // [L or V L][channels][R_light], padded rows
-  Buffer table_;   // [P][C][R_view][R_light], padded rows
+  Order order_;
+  TexelFactors texels_;
+  std::size_t view_values_ = 0;  // from one view's slices to the next
+  Buffer core_;                  // [views][lights][slice], or in panels if views have a factor
+  Buffer views_, lights_, channels_;
+  Buffer of_views_;  // products with rows of views, of views_at_once
+  std::size_t block_ = nowhere;
+  Buffer slices_;  // of a view, expanded
+  Buffer packed_;  // what its rows of lights are multiplied with
+  std::size_t prepared_ = nowhere;
+  Buffer lit_, images_;  // images on the way
 };
 
 }  // namespace
@@ -308,23 +336,20 @@ std::unique_ptr<DeviceDecoder> tucker_decoder(Device& device, const TuckerModel&
 }
 
 std::size_t tucker_decoder_bytes(const TuckerModel& model) {
-  const CoreShape core(model);
-  const BtfShape& shape = model.info.btf.shape;
+  const Order order(model);
+  const TuckerCore& core = order.core;
+  const std::size_t rows = order.images_at_once() * core.light_channels;
   std::size_t values = model.coefficients();
-  if (core.views_alone && model.has_factor(0)) {
-    values += views_at_once(model, core) * core.lights * core.texels;
+  // the core in panels, and what of it lies on the host on the way
+  if (order.views_factor) {
+    values += core.views * (order.view_values() - core.lights * core.slice()) +
+              order.views_at_once * order.view_values() + (std::size_t{2} << 20) +
+              core.views * core.lights * widest_panel;
   }
-  const std::size_t image = std::max(core.texels * core.light_channels, shape.image_values());
-  // two runs on the way, and what a product packs
-  return (values + 2 * image_granule(shape) * image) * sizeof(float) + (std::size_t{16} << 20);
-}
-
-std::unique_ptr<DeviceSampler> tucker_sampler(Device& device, const TuckerModel& model) {
-  return std::make_unique<TuckerDeviceSampler>(device, model);
-}
-
-std::size_t tucker_sampler_bytes(const TuckerModel& model) {
-  return TuckerDeviceSampler::bytes(model);
+  const std::size_t packed = core.lights * ops::round_up(order.row_values(), widest_panel);
+  values += packed + core.lights * core.expanded() +
+            rows * (std::max(order.row_values(), core.slice()) + core.expanded());
+  return values * sizeof(float) + TexelFactors::bytes(core);
 }
 
 }  // namespace weft

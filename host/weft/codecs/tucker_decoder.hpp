@@ -1,4 +1,4 @@
-// Decoders of Tucker models on a device.
+// Decoding of Tucker models in bulk on a device.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,11 @@
 namespace weft {
 
 // Images in bulk: d = T x l x v (Vasilescu & Terzopoulos 2004, eq. (8)). The core is multiplied by
-// the rows of some views once, which all their lights share; then by rows of lights, and what is
-// left by the factors of texels and channels.
+// the rows of some views at once, which all their lights share. What is left is multiplied by the
+// factors of texels and channels, and then by rows of lights, which are images; or by the rows of
+// lights first, where that is less work.
 std::unique_ptr<DeviceDecoder> tucker_decoder(Device& device, const TuckerModel& model);
+// Bytes that it holds on the device, and here while it is made.
 std::size_t tucker_decoder_bytes(const TuckerModel& model);
-
-// Single texels, eq. (9): the factors of texels are multiplied into the core, so that a look-up is
-// a product of the ranks of directions only.
-std::unique_ptr<DeviceSampler> tucker_sampler(Device& device, const TuckerModel& model);
-std::size_t tucker_sampler_bytes(const TuckerModel& model);
 
 }  // namespace weft

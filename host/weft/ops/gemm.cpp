@@ -129,7 +129,7 @@ Result to_panels(const Device& device, Buffer& buffer, std::size_t rows, Arithme
 }
 
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
-                 const Operand& A, const Buffer& packed_b, double beta, const Result& C,
+                 const Operand& A, const Packed& B, double beta, const Result& C,
                  std::size_t batch) {
   require_arithmetic(device, A.arithmetic);
   const std::size_t columns = macro_columns(device, M, N, A.arithmetic);
@@ -139,7 +139,8 @@ void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, do
     using Real = decltype(zero);
     set_arguments(kernel, ulong(M), ulong(N), ulong(K), ulong(columns), static_cast<Real>(alpha),
                   *A.buffer, ulong(A.offset), ulong(A.row), ulong(A.column), ulong(A.panel),
-                  ulong(A.batch), packed_b, ulong(packed_elements(device, K, N, A.arithmetic)),
+                  ulong(A.batch), B.buffer, ulong(B.offset),
+                  ulong(B.shared ? 0 : packed_elements(device, K, N, A.arithmetic)),
                   static_cast<Real>(beta), *C.buffer, ulong(C.offset), ulong(C.row), ulong(C.panel),
                   ulong(C.batch));
   });

@@ -57,10 +57,21 @@ std::size_t gemm_terms(const Device& device, std::size_t K);
 void pack_panels(Device& device, const Operand& B, std::size_t K, std::size_t N, Buffer& packed,
                  std::size_t batch = 1);
 
+// A packed K x N matrix at an offset of a buffer; those of a batch lie one after the other, or the
+// same one serves all.
+struct Packed {
+  const Buffer& buffer;
+  std::size_t offset = 0;
+  bool shared = false;
+
+  Packed(const Buffer& panels, std::size_t first = 0, bool serves_all = false)
+      : buffer(panels), offset(first), shared(serves_all) {}
+};
+
 // C = alpha A B + beta C with packed B, in the arithmetic of A, which is that of all. Where beta is
 // 0, C is not read. K is at least 1.
 void gemm_packed(Device& device, std::size_t M, std::size_t N, std::size_t K, double alpha,
-                 const Operand& A, const Buffer& packed_b, double beta, const Result& C,
+                 const Operand& A, const Packed& B, double beta, const Result& C,
                  std::size_t batch = 1);
 
 // The same with B as it is; packs it into a temporary buffer of at most gemm_bytes(), part by part.
