@@ -203,9 +203,8 @@ GROUP __kernel void atom_products(ulong k, ulong leading, ulong first, ulong cou
     xw += fma(x0, w0, x1 * w1) + fma(x2, w2, x3 * w3);
     ww += fma(w0, w0, w1 * w1) + fma(w2, w2, w3 * w3);
     FOR_ROW(j) {
-      realv sum = 0.0f;
-      if (e > begin) sum = loadv(out + j);
-      sum = fma((realv)w0, loadv(r0 + j), sum);
+      realv sum = w0 * loadv(r0 + j);
+      if (e > begin) sum += loadv(out + j);
       sum = fma((realv)w1, loadv(r1 + j), sum);
       sum = fma((realv)w2, loadv(r2 + j), sum);
       sum = fma((realv)w3, loadv(r3 + j), sum);

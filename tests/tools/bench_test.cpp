@@ -51,6 +51,9 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
         "syrk_packed", "syrk_rows", "convert_tile_transposed", "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }
+  for (const char* kernel : {"code_residuals", "ksvd_update"}) {
+    EXPECT_TRUE(operations.contains(kernel)) << kernel;
+  }
 }
 
 TEST(Bench, TheReferenceIsNotMeasured) {
