@@ -395,6 +395,29 @@ TEST(Ksvd, RefusesWhatCanNotBe) {
                [&] { ksvd(shared_device(), KsvdSignals::of(10, Y), options, {}, small); });
 }
 
+// What does not fit at once fits in batches, and no more is taken than was planned.
+TEST(Ksvd, KeepsToItsMemory) {
+  const std::size_t n = 64, signals = 20000;
+  const std::vector<float> Y = sparse_signals(unit_rows(20, n, 37), n, signals, 2, 0.1, 38);
+  Device& device = shared_device();
+  KsvdOptions options = options_of(16, 2, 1);
+  Job job;
+  std::size_t planned = 0;
+  job.on_plan = [&](const MemoryPlan& plan) { planned = plan.total(); };
+  const std::size_t before = device.allocated();
+  ksvd(device, KsvdSignals::of(n, Y), options, {}, job);
+  EXPECT_LE(device.peak_allocated() - before, planned);
+  const std::size_t whole = planned;
+  options.batch = 2000;
+  job.memory = ksvd_plan(device, signals, n, options).total();
+  EXPECT_LT(job.memory, whole);
+  const KsvdFit<float> fit = ksvd(device, KsvdSignals::of(n, Y), options, {}, job);
+  expect_sound(fit, n, Y, options);
+  options.batch = 0;
+  expect_error(ErrorKind::input, {"memory"},
+               [&] { ksvd(device, KsvdSignals::of(n, Y), options, {}, job); });
+}
+
 TEST(Ksvd, TellsWhatItDid) {
   const std::vector<float> Y = random_floats(400, 35, -1, 1);
   Job job;

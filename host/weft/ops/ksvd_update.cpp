@@ -20,7 +20,7 @@ constexpr std::size_t gpu_lanes = 64;
 // square over the gap of the leading eigenvalue, and here at the latest.
 constexpr float converged = 0x1p-10f;
 constexpr std::size_t most_steps = 64;
-constexpr std::size_t steps_at_once = 4;  // before the host looks whether that is so
+constexpr std::size_t steps_at_once = 2;  // before the host looks whether that is so
 
 // Rows that a work-group adds up: a function of their number alone.
 std::size_t granule_of(std::size_t count) {
