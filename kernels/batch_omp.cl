@@ -28,11 +28,15 @@
 // ITEMS work-items side by side on GPUs.
 //
 // ITEMS  work-items of a group, a power of two
+// SIDE   signals that a single work-item codes at the same time; 1 with several work-items
 // BLOCK  vectors that a work-item holds in registers, 1 to 8
 #include "vector_width.cl"
 
 #ifndef ITEMS
 #define ITEMS 1
+#endif
+#ifndef SIDE
+#define SIDE 1
 #endif
 #ifndef BLOCK
 #define BLOCK 4
@@ -54,6 +58,16 @@
 #define SMALLEST_FOLLOWED 0x1p-13f   // of |c| / |y|
 #define SMALLEST_SCALE 0x1p-104f     // correlations of larger signals might overflow
 
+// Functions that are not inlined would not have the kernel's vectors.
+#if defined(__has_attribute)
+#if __has_attribute(always_inline)
+#define INLINE inline __attribute__((always_inline))
+#endif
+#endif
+#ifndef INLINE
+#define INLINE inline
+#endif
+
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 typedef JOIN(int, VW) intv;
@@ -65,6 +79,11 @@ typedef JOIN(int, VW) intv;
 #define LANES (intv)(0, 1, 2, 3)
 #endif
 
+// Rows of all buffers but the callers' are whole vectors: they are read and written as such. (vstore16
+// may become several stores, which a vector read soon after has to wait for.)
+#define LOAD(p) (*(__global const realv*)(p))
+#define STORE(x, p) (*(__global realv*)(p) = (x))
+
 #define GROUP_STEP (ITEMS * VW)
 #if ITEMS > 1
 #define SYNCHRONISE barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
@@ -75,7 +94,7 @@ typedef JOIN(int, VW) intv;
 // Sum and largest value of a vector's lanes, least of indices.
 #define LARGER(a, b) ((a) > (b) ? (a) : (b))
 #define SMALLER(a, b) ((a) < (b) ? (a) : (b))
-inline float sum_lanes(realv x) {
+INLINE float sum_lanes(realv x) {
 #if VW == 16
   const float8 eight = x.lo + x.hi;
   const float4 four = eight.lo + eight.hi;
@@ -87,7 +106,7 @@ inline float sum_lanes(realv x) {
   const float2 two = four.lo + four.hi;
   return two.x + two.y;
 }
-inline float largest_lane(realv x) {
+INLINE float largest_lane(realv x) {
 #if VW == 16
   const float8 eight = LARGER(x.lo, x.hi);
   const float4 four = LARGER(eight.lo, eight.hi);
@@ -99,7 +118,7 @@ inline float largest_lane(realv x) {
   const float2 two = LARGER(four.lo, four.hi);
   return LARGER(two.x, two.y);
 }
-inline int least_lane(intv x) {
+INLINE int least_lane(intv x) {
 #if VW == 16
   const int8 eight = min(x.lo, x.hi);
   const int4 four = min(eight.lo, eight.hi);
@@ -120,7 +139,7 @@ typedef struct {
 } Candidate;
 
 #if ITEMS > 1
-inline float group_sum(float value, __local float* values, uint item) {
+INLINE float group_sum(float value, __local float* values, uint item) {
   SYNCHRONISE
   values[item] = value;
   for (uint half_items = ITEMS / 2; half_items > 0; half_items /= 2) {
@@ -130,7 +149,7 @@ inline float group_sum(float value, __local float* values, uint item) {
   SYNCHRONISE
   return values[0];
 }
-inline Candidate group_largest(Candidate own, __local float* values, __local int* indices, uint item) {
+INLINE Candidate group_largest(Candidate own, __local float* values, __local int* indices, uint item) {
   SYNCHRONISE
   values[item] = own.value;
   indices[item] = own.index;
@@ -153,30 +172,45 @@ inline Candidate group_largest(Candidate own, __local float* values, __local int
   __local float shared_values[ITEMS];      \
   __local int shared_indices[ITEMS];       \
   const uint item = get_local_id(0);
+#define LOCALS , __local float *shared_values, __local int *shared_indices, uint item
+#define PASS_LOCALS , shared_values, shared_indices, item
 #define GROUP_SUM(x) group_sum(x, shared_values, item)
 #define GROUP_LARGEST(x) group_largest(x, shared_values, shared_indices, item)
 #else
 #define DECLARE_LOCALS const uint item = 0;
+#define LOCALS , uint item
+#define PASS_LOCALS , item
 #define GROUP_SUM(x) (x)
 #define GROUP_LARGEST(x) (x)
 #endif
 
-// The first index at which |values| is `largest`, of a work-item's own share.
-inline int index_of(__global const float* values, ulong count, float largest, uint item) {
-  intv first = (intv)INT_MAX;
-  for (ulong i = item * VW; i < count; i += GROUP_STEP) {
-    const intv hit = fabs(loadv(values + i)) == (realv)largest;
-    first = min(first, select((intv)INT_MAX, LANES + (intv)(int)i, hit));
-  }
-  return least_lane(first);
+// The largest magnitudes that a work-item has seen, lane by lane, and where they were.
+typedef struct {
+  realv value;
+  intv index;
+} Best;
+INLINE Best see(Best best, realv x, ulong i) {
+  const realv magnitude = fabs(x);
+  const intv larger = magnitude > best.value;
+  const Best result = {select(best.value, magnitude, larger),
+                       select(best.index, (intv)(int)i, larger)};
+  return result;
 }
+// The largest of all lanes, at the least of its indices.
+INLINE Candidate candidate_of(Best best) {
+  const float largest = largest_lane(best.value);
+  const intv hit = best.value == (realv)largest;
+  const Candidate result = {largest, least_lane(select((intv)INT_MAX, best.index + LANES, hit))};
+  return result;
+}
+#define NOTHING {(realv)(-1.0f), (intv)0}
 
 // 2^-e of a largest magnitude, so that neither it nor 2^e overflows or vanishes.
-inline float scale_of(float largest) {
+INLINE float scale_of(float largest) {
   return largest > 0.0f ? ldexp(1.0f, -clamp(ilogb(largest), -126, 126)) : 1.0f;
 }
 
-inline float largest_magnitude(__global const float* values, ulong count) {
+INLINE float largest_magnitude(__global const float* values, ulong count) {
   float largest = 0.0f;
   ulong i = 0;
   realv largest_lanes = 0.0f;
@@ -189,8 +223,8 @@ inline float largest_magnitude(__global const float* values, ulong count) {
   return LARGER(largest, lane);
 }
 
-// Sum of (scale values)^2; NaN where a value is NaN or infinite.
-inline float energy_of(__global const float* values, ulong count, float scale) {
+// Sum of (scale values)^2.
+INLINE float squares_of(__global const float* values, ulong count, float scale) {
   realv sum = 0.0f;
   float rest = 0.0f;
   ulong i = 0;
@@ -199,8 +233,23 @@ inline float energy_of(__global const float* values, ulong count, float scale) {
     sum = fma(x, x, sum);
   }
   for (; i < count; ++i) rest = fma(scale * values[i], scale * values[i], rest);
-  const float energy = sum_lanes(sum) + rest;
-  return energy < INFINITY ? energy : NAN;
+  return sum_lanes(sum) + rest;
+}
+
+// A power of two by which values can be squared, 1 where that is safe, and their energy with it; NaN
+// where one is NaN or infinite.
+typedef struct {
+  float scale;
+  float energy;
+} Measure;
+INLINE Measure measure_of(__global const float* values, ulong count) {
+  Measure measure = {1.0f, squares_of(values, count, 1.0f)};
+  if (!(measure.energy > 0x1p-60f && measure.energy < 0x1p60f)) {
+    measure.scale = scale_of(largest_magnitude(values, count));
+    const float energy = squares_of(values, count, measure.scale);
+    measure.energy = energy < INFINITY ? energy : NAN;
+  }
+  return measure;
 }
 
 // units and inverse of row-major atoms; rows past the last are zero. Work-item (atom, padded).
@@ -213,9 +262,9 @@ __kernel void normalise_atoms(ulong atoms, ulong dimension, ulong dimension_p,
   float scale = 0.0f, factor = 0.0f;
   __global const float* atom = D + offset + n * leading;
   if (n < atoms) {
-    scale = scale_of(largest_magnitude(atom, dimension));
-    const float energy = energy_of(atom, dimension, scale);
-    if (energy > 0.0f) factor = 1.0f / sqrt(energy);
+    const Measure measure = measure_of(atom, dimension);
+    scale = measure.scale;
+    if (measure.energy > 0.0f) factor = 1.0f / sqrt(measure.energy);
   }
   const bool usable = factor > 0.0f;
   for (ulong i = 0; i < dimension_p; ++i) {
@@ -232,16 +281,15 @@ __kernel void measure_signals(ulong signals, ulong per_item, ulong dimension,
   const ulong begin = get_global_id(0) * per_item;
   const ulong end = min(begin + per_item, signals);
   for (ulong s = begin; s < end; ++s) {
-    __global const float* y = Y + offset + s * leading;
-    const float scale = scale_of(largest_magnitude(y, dimension));
-    scales[s] = scale;
-    energies[s] = energy_of(y, dimension, scale);
+    const Measure measure = measure_of(Y + offset + s * leading, dimension);
+    scales[s] = measure.scale;
+    energies[s] = measure.energy;
   }
 }
 
 // Writes a code of `count` atoms: x from a and l, then entries past the count. l: [count][l_row], zero
 // from its diagonal to the end of a vector.
-inline void write_code(uint count, uint k, ulong atoms, float scale, __global float* a,
+INLINE void write_code(uint count, uint k, ulong atoms, float scale, __global float* a,
                        __global const float* l, ulong l_row, __global const uint* chosen,
                        __global const float* inverse, __global uint* indices,
                        __global float* coefficients) {
@@ -249,7 +297,7 @@ inline void write_code(uint count, uint k, ulong atoms, float scale, __global fl
   for (uint t = count; t-- > 1;) {
     const float x = a[t];
     __global const float* row = l + t * l_row;
-    for (uint j = 0; j < t; j += VW) storev(fma((realv)(-x), loadv(row + j), loadv(a + j)), a + j);
+    for (uint j = 0; j < t; j += VW) STORE(fma((realv)(-x), LOAD(row + j), LOAD(a + j)), a + j);
   }
   const float unscale = 1.0f / scale;
   for (uint t = 0; t < count; ++t) {
@@ -270,124 +318,176 @@ inline void write_code(uint count, uint k, ulong atoms, float scale, __global fl
   }
 }
 
-// What a group works in while it codes a signal, `stride` floats a group:
+// What a group works in while it codes a signal:
 //
-//   c: [A]   q: [k][A]   l: [k][l_row]   a: [l_row]   1 / p: [l_row]   chosen: [l_row]
+//   c: [A]   q: [steps][A]   l: [steps][l_row]   a: [l_row]   1 / p: [l_row]   chosen: [l_row]
 //
-// l_row is k padded to whole vectors.
+// l_row is `steps` padded to whole vectors.
+typedef struct {
+  __global float* c;
+  __global float* q;
+  __global float* l;
+  __global float* a;
+  __global float* inverses;
+  __global uint* chosen;
+  float energy, left, wanted, smallest;
+  Best best;
+  uint count;
+  bool more, recode;
+} Pursuit;
+
+INLINE Pursuit start_pursuit(__global float* scratch, ulong A, ulong steps, ulong l_row,
+                             __global const float* correlations, float scale, float energy,
+                             float target, uint item) {
+  Pursuit p;
+  p.c = scratch;
+  p.q = p.c + A;
+  p.l = p.q + steps * A;
+  p.a = p.l + steps * l_row;
+  p.inverses = p.a + l_row;
+  p.chosen = (__global uint*)(p.inverses + l_row);
+  p.energy = p.left = energy;
+  p.wanted = target * scale * (target * scale);
+  p.smallest = SMALLEST_FOLLOWED * sqrt(energy);
+  p.recode = energy > 0.0f && (scale < SMALLEST_SCALE || scale > 1.0f / SMALLEST_SCALE);
+  p.more = energy > p.wanted && !p.recode;
+  p.count = 0;
+  // c = 2^-e D y
+  Best best = NOTHING;
+  for (ulong i = item * VW; i < A; i += GROUP_STEP) {
+    const realv x = scale * LOAD(correlations + i);
+    STORE(x, p.c + i);
+    best = see(best, x, i);
+  }
+  p.best = best;
+  return p;
+}
+
+// One more atom.
+INLINE Pursuit take_step(Pursuit p, __global const float* G, ulong A, ulong steps, ulong l_row LOCALS) {
+  // the best atom
+  const Candidate best = GROUP_LARGEST(candidate_of(p.best));
+  p.recode = !(best.value > p.smallest);
+  const uint n = min((uint)best.index, (uint)(A - 1));
+  const float correlation = p.c[n];
+
+  // its part that is orthogonal to the span of those before
+  const uint t = p.count;
+  __global const float* g = G + n * A;
+  __global float* row = p.l + t * l_row;
+  float pivot = g[n];
+  if (item == 0) {
+    STORE((realv)0.0f, row + t / VW * VW);
+    if (t % VW == 0) STORE((realv)0.0f, p.a + t);
+  }
+  for (uint j = 0; j < t; ++j) {
+    const float inner = p.q[j * A + n];
+    const float factor = inner * p.inverses[j];
+    if (item == 0) row[j] = factor;
+    pivot -= factor * inner;
+  }
+  // this also refuses those before
+  p.recode |= !(pivot >= LEAST_PIVOT);
+  const float inverse_pivot = 1.0f / pivot;
+  const float step = correlation * inverse_pivot;
+  SYNCHRONISE
+  if (item == 0) {
+    p.a[t] = step;
+    p.inverses[t] = inverse_pivot;
+    p.chosen[t] = n;
+  }
+  SYNCHRONISE
+  p.left -= step * correlation;
+  ++p.count;
+  p.more = p.count < steps && p.left > p.wanted && p.left >= LEAST_ENERGY * p.energy && !p.recode;
+  if (p.more) {
+    // q_t, c without it, and the largest of that
+    __global float* q_t = p.q + t * A;
+    Best next = NOTHING;
+    for (ulong i = item * BLOCK * VW; i < A; i += BLOCK * GROUP_STEP) {
+      realv x[BLOCK];
+#pragma unroll
+      for (uint b = 0; b < BLOCK; ++b) x[b] = LOAD(g + i + b * VW);
+      for (uint j = 0; j < t; ++j) {
+        const realv factor = row[j];
+        __global const float* q_j = p.q + j * A + i;
+#pragma unroll
+        for (uint b = 0; b < BLOCK; ++b) x[b] = fma(-factor, LOAD(q_j + b * VW), x[b]);
+      }
+#pragma unroll
+      for (uint b = 0; b < BLOCK; ++b) {
+        STORE(x[b], q_t + i + b * VW);
+        const realv rest = fma((realv)(-step), x[b], LOAD(p.c + i + b * VW));
+        STORE(rest, p.c + i + b * VW);
+        next = see(next, rest, i + b * VW);
+      }
+    }
+    p.best = next;
+  }
+  return p;
+}
+
+// A group works on SIDE signals at a time, step by step, so that one's arithmetic goes on while
+// another waits for its best atom; each has its own scratch of `stride` floats.
 WIDE_VECTORS __attribute__((reqd_work_group_size(ITEMS, 1, 1)))
 __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A, uint k, uint steps,
                            float target, __global const float* restrict correlations,
-                           ulong c_offset, __global const float* restrict G, __global const float* restrict inverse,
+                           ulong c_offset, __global const float* restrict G,
+                           __global const float* restrict inverse,
                            __global const float* restrict scales,
                            __global const float* restrict energies, __global float* scratch,
                            ulong stride, ulong l_row, ulong first, __global uint* restrict indices,
                            __global float* restrict coefficients, __global uint* restrict counts,
                            ulong first_residual, __global float* restrict residuals) {
   DECLARE_LOCALS
-  __global float* c = scratch + get_group_id(0) * stride;
-  __global float* q = c + A;
-  __global float* l = q + steps * A;
-  __global float* a = l + steps * l_row;
-  __global float* inverses = a + l_row;
-  __global uint* chosen = (__global uint*)(inverses + l_row);
   const ulong begin = get_group_id(0) * per_group;
   const ulong end = min(begin + per_group, signals);
-  for (ulong s = begin; s < end; ++s) {
-    const float scale = scales[s];
-    const float energy = energies[s];
-    const float wanted = target * scale * (target * scale);
-    const float precise = LEAST_ENERGY * energy;
-    const float smallest = SMALLEST_FOLLOWED * sqrt(energy);
-    float left = energy;  // |r|^2
-    uint count = 0;
-    bool recode = energy > 0.0f && (scale < SMALLEST_SCALE || scale > 1.0f / SMALLEST_SCALE);
-    bool more = energy > wanted && !recode;
-
-    // c = 2^-e D y
-    realv largest_lanes = -1.0f;
-    for (ulong i = item * VW; i < A; i += GROUP_STEP) {
-      const realv x = scale * loadv(correlations + c_offset + s * A + i);
-      storev(x, c + i);
-      const realv magnitude = fabs(x);
-      largest_lanes = LARGER(magnitude, largest_lanes);
+  for (ulong s_begin = begin; s_begin < end; s_begin += SIDE) {
+    Pursuit pursuits[SIDE];
+#pragma unroll
+    for (uint side = 0; side < SIDE; ++side) {
+      // past the end: the last signal again, which is not written
+      const ulong s = min(s_begin + side, end - 1);
+      pursuits[side] = start_pursuit(scratch + (get_group_id(0) * SIDE + side) * stride, A, steps,
+                                     l_row, correlations + c_offset + s * A, scales[s], energies[s],
+                                     target, item);
     }
-    while (more) {
-      // the best atom
-      const float largest = largest_lane(largest_lanes);
-      const Candidate own = {largest, index_of(c, A, largest, item)};
-      const Candidate best = GROUP_LARGEST(own);
-      recode = !(best.value > smallest);
-      const uint n = min((uint)best.index, (uint)(A - 1));
-      const float correlation = c[n];
-
-      // its part that is orthogonal to the span of those before
-      __global const float* g = G + n * A;
-      __global float* row = l + count * l_row;
-      float pivot = g[n];
-      if (item == 0) {
-        storev((realv)0.0f, row + count / VW * VW);
-        if (count % VW == 0) storev((realv)0.0f, a + count);
+#if SIDE == 1
+    while (pursuits[0].more) {
+      pursuits[0] = take_step(pursuits[0], G, A, steps, l_row PASS_LOCALS);
+    }
+#else
+    for (bool more = true; more;) {
+      more = false;
+#pragma unroll
+      for (uint side = 0; side < SIDE; ++side) {
+        if (pursuits[side].more) {
+          pursuits[side] = take_step(pursuits[side], G, A, steps, l_row PASS_LOCALS);
+        }
+        more |= pursuits[side].more;
       }
-      for (uint j = 0; j < count; ++j) {
-        const float inner = q[j * A + n];
-        const float factor = inner * inverses[j];
-        if (item == 0) row[j] = factor;
-        pivot -= factor * inner;
-        recode |= chosen[j] == n;
-      }
-      recode |= pivot < LEAST_PIVOT;
-      const float inverse_pivot = 1.0f / pivot;
-      const float step = correlation * inverse_pivot;
+    }
+#endif
+#pragma unroll
+    for (uint side = 0; side < SIDE; ++side) {
+      const ulong s = s_begin + side;
+      const Pursuit p = pursuits[side];
+      // a residual that this recurrence can't know, or a target that it can't see
+      const float precise = LEAST_ENERGY * p.energy;
+      const bool recode = p.recode || (p.energy > 0.0f && p.left < precise) ||
+                          (p.left <= p.wanted && p.wanted < 4.0f * precise);
       SYNCHRONISE
-      if (item == 0) {
-        a[count] = step;
-        inverses[count] = inverse_pivot;
-        chosen[count] = n;
-      }
-      SYNCHRONISE
-      left -= step * correlation;
-      const bool reached = left <= wanted || left < precise;
-      more = count + 1 < steps && !reached && !recode;
-      if (more) {
-        // q_t, c without it, and the largest of that
-        __global float* q_t = q + count * A;
-        largest_lanes = -1.0f;
-        for (ulong i = item * BLOCK * VW; i < A; i += BLOCK * GROUP_STEP) {
-          realv x[BLOCK];
-#pragma unroll
-          for (uint b = 0; b < BLOCK; ++b) x[b] = loadv(g + i + b * VW);
-          for (uint j = 0; j < count; ++j) {
-            const realv factor = row[j];
-            __global const float* q_j = q + j * A + i;
-#pragma unroll
-            for (uint b = 0; b < BLOCK; ++b) x[b] = fma(-factor, loadv(q_j + b * VW), x[b]);
-          }
-#pragma unroll
-          for (uint b = 0; b < BLOCK; ++b) {
-            storev(x[b], q_t + i + b * VW);
-            const realv rest = fma((realv)(-step), x[b], loadv(c + i + b * VW));
-            storev(rest, c + i + b * VW);
-            const realv magnitude = fabs(rest);
-            largest_lanes = LARGER(magnitude, largest_lanes);
-          }
+      if (item == 0 && s < end) {
+        const float scale = scales[s];
+        residuals[first_residual + s] = sqrt(p.left < 0.0f ? 0.0f : p.left) / scale;
+        counts[first + s] = recode ? RECODE : p.count;
+        if (!recode) {
+          write_code(p.count, k, atoms, scale, p.a, p.l, l_row, p.chosen, inverse,
+                     indices + (first + s) * k, coefficients + (first + s) * k);
         }
       }
-      ++count;
+      SYNCHRONISE
     }
-    // A residual that this recurrence can't know, or a target that it can't see
-    recode |= energy > 0.0f && left < precise;
-    recode |= left <= wanted && wanted < 4.0f * precise;
-    SYNCHRONISE
-    if (item == 0) {
-      residuals[first_residual + s] = sqrt(left < 0.0f ? 0.0f : left) / scale;
-      counts[first + s] = recode ? RECODE : count;
-      if (!recode) {
-        write_code(count, k, atoms, scale, a, l, l_row, chosen, inverse, indices + (first + s) * k,
-                   coefficients + (first + s) * k);
-      }
-    }
-    SYNCHRONISE
   }
 }
 
@@ -409,27 +509,26 @@ __kernel void gather_signals(ulong dimension, ulong dimension_p, __global const 
                              __global uint* restrict count) {
   const ulong b = get_global_id(0);
   __global const float* y = Y + offset + list[b] * leading;
-  const float scale = scale_of(largest_magnitude(y, dimension));
-  const float energy = energy_of(y, dimension, scale);
+  const Measure measure = measure_of(y, dimension);
   for (ulong i = 0; i < dimension_p; ++i) {
-    r[b * dimension_p + i] = i < dimension && energy > 0.0f ? scale * y[i] : 0.0f;
+    r[b * dimension_p + i] = i < dimension && measure.energy > 0.0f ? measure.scale * y[i] : 0.0f;
   }
-  scales[b] = scale;
-  energies[b] = left[b] = energy;
+  scales[b] = measure.scale;
+  energies[b] = left[b] = measure.energy;
   count[b] = 0;
 }
 
 // v . w, and w -= f v, of a work-item's share.
-inline float own_dot(__global const float* v, __global const float* w, ulong count, uint item) {
+INLINE float own_dot(__global const float* v, __global const float* w, ulong count, uint item) {
   realv sum = 0.0f;
   for (ulong i = item * VW; i < count; i += GROUP_STEP) {
-    sum = fma(loadv(v + i), loadv(w + i), sum);
+    sum = fma(LOAD(v + i), LOAD(w + i), sum);
   }
   return sum_lanes(sum);
 }
-inline void own_subtract(float f, __global const float* v, __global float* w, ulong count, uint item) {
+INLINE void own_subtract(float f, __global const float* v, __global float* w, ulong count, uint item) {
   for (ulong i = item * VW; i < count; i += GROUP_STEP) {
-    storev(fma((realv)(-f), loadv(v + i), loadv(w + i)), w + i);
+    STORE(fma((realv)(-f), LOAD(v + i), LOAD(w + i)), w + i);
   }
 }
 
@@ -477,24 +576,19 @@ __kernel void step_by_residual(ulong batch, ulong per_group, ulong atoms, ulong 
     uint dependent = 0;
     while (more) {
       // the best atom
-      realv largest_lanes = 0.0f;
-      for (ulong i = item * VW; i < A; i += GROUP_STEP) {
-        const realv magnitude = fabs(loadv(c + i));
-        largest_lanes = LARGER(magnitude, largest_lanes);
-      }
-      const float largest = largest_lane(largest_lanes);
-      const Candidate own = {largest, index_of(c, A, largest, item)};
-      const Candidate best = GROUP_LARGEST(own);
+      Best lanes = NOTHING;
+      for (ulong i = item * VW; i < A; i += GROUP_STEP) lanes = see(lanes, LOAD(c + i), i);
+      const Candidate best = GROUP_LARGEST(candidate_of(lanes));
       const uint n = min((uint)best.index, (uint)(A - 1));
       const bool correlated = best.value > smallest;
 
       // its part orthogonal to the span of those before; twice is enough
       for (ulong i = item * VW; i < dimension_p; i += GROUP_STEP) {
-        storev(loadv(units + n * dimension_p + i), q_t + i);
+        STORE(LOAD(units + n * dimension_p + i), q_t + i);
       }
       if (item == 0) {
-        storev((realv)0.0f, l_s + t * l_row + t / VW * VW);
-        if (t % VW == 0) storev((realv)0.0f, a_s + t);
+        STORE((realv)0.0f, l_s + t * l_row + t / VW * VW);
+        if (t % VW == 0) STORE((realv)0.0f, a_s + t);
       }
       for (uint turn = 0; turn < 2; ++turn) {
         for (uint j = 0; j < t; ++j) {

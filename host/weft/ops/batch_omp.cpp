@@ -22,6 +22,7 @@ constexpr std::size_t scratch_bytes = std::size_t{64} << 20;  // of all groups
 constexpr std::size_t batch_bytes = std::size_t{16} << 20;
 constexpr std::size_t block_signals = std::size_t{1} << 16;
 constexpr std::size_t cpu_block = 4;
+constexpr std::size_t cpu_side = 2;                // signals of a work-item at the same time
 constexpr std::uint32_t coded_again = 0xFFFFFFFF;  // the counts RECODE and ENDED of the kernel
 
 // signals that a work-item measures
@@ -112,8 +113,8 @@ std::vector<BatchOmp::Item> BatchOmp::items_of(const Device& device, std::size_t
   }
   if (sizes.gram) {
     items.push_back({&BatchOmp::gram_, "inner products of atoms", sizes.A * sizes.A});
-    items.push_back(
-        {&BatchOmp::scratch_, "scratch of sparse coding", sizes.groups * sizes.group_floats});
+    items.push_back({&BatchOmp::scratch_, "scratch of sparse coding",
+                     sizes.groups * sizes.group_floats * (sizes.tiles ? 1 : cpu_side)});
   }
   for (Item& item : items) item.bytes *= sizeof(float);
   return items;
@@ -141,13 +142,14 @@ std::size_t BatchOmp::bytes(const Device& device, std::size_t atoms, std::size_t
 }
 
 cl_kernel BatchOmp::kernel(const char* name) {
-  return device_.kernel(kernel_sources::batch_omp,
-                        fmt::format("-DVW={} -DITEMS={} -DBLOCK={} -DSMALLEST_CORRELATION={:a}f "
-                                    "-DLEAST_DISTANCE={:a}f -DMOST_DEPENDENT={}",
-                                    sizes_.vector_width, sizes_.items, sizes_.tiles ? 1 : cpu_block,
-                                    PursuitLimits::smallest_correlation,
-                                    PursuitLimits::least_distance, PursuitLimits::most_dependent),
-                        name);
+  return device_.kernel(
+      kernel_sources::batch_omp,
+      fmt::format("-DVW={} -DITEMS={} -DBLOCK={} -DSIDE={} -DSMALLEST_CORRELATION={:a}f "
+                  "-DLEAST_DISTANCE={:a}f -DMOST_DEPENDENT={}",
+                  sizes_.vector_width, sizes_.items, sizes_.tiles ? 1 : cpu_block,
+                  sizes_.tiles ? 1 : cpu_side, PursuitLimits::smallest_correlation,
+                  PursuitLimits::least_distance, PursuitLimits::most_dependent),
+      name);
 }
 
 void BatchOmp::set_dictionary(const ConstMatrix& D) {
