@@ -44,11 +44,27 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
     operations.insert(row.at("operation").get<std::string>());
     EXPECT_TRUE(rows.emplace(row.at("operation"), row.at("shape")).second) << row;
   }
-  for (const char* kernel :
-       {"gemm", "scan_tile", "convert_tile", "error_sums", "transcode_tile", "decode_pca",
-        "decode_lpca", "centre_clusters", "project_clusters", "assign_clusters",
-        "add_texel_squares", "orthonormalise", "tsqr", "surface_hits", "surface_shade",
-        "syrk_packed", "syrk_rows", "convert_tile_transposed", "gemm (double)"}) {
+  for (const char* kernel : {"gemm",
+                             "scan_tile",
+                             "convert_tile",
+                             "error_sums",
+                             "transcode_tile",
+                             "decode_pca",
+                             "decode_lpca",
+                             "decode_sparse",
+                             "look_up_sparse",
+                             "centre_clusters",
+                             "project_clusters",
+                             "assign_clusters",
+                             "add_texel_squares",
+                             "orthonormalise",
+                             "tsqr",
+                             "surface_hits",
+                             "surface_shade",
+                             "syrk_packed",
+                             "syrk_rows",
+                             "convert_tile_transposed",
+                             "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }
   for (const char* kernel : {"code_residuals", "ksvd_update"}) {

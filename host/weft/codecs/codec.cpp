@@ -6,6 +6,7 @@
 
 #include "weft/codecs/lpca.hpp"
 #include "weft/codecs/pca.hpp"
+#include "weft/codecs/sparse.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/codecs/view_pca.hpp"
@@ -32,8 +33,9 @@ double lookup_tolerance(const Codec& codec, const Model& model, const LookupShap
 }
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 5> table{&pca_codec(), &view_pca_codec(), &lpca_codec(),
-                                                 &tt_codec(), &tucker_codec()};
+  static const std::array<const Codec*, 6> table{&pca_codec(),  &view_pca_codec(),
+                                                 &lpca_codec(), &sparse_codec(),
+                                                 &tt_codec(),   &tucker_codec()};
   return table;
 }
 

@@ -181,6 +181,9 @@ TruncatedSvd truncated_svd(Device& device, TileSource& source, const SvdOptions&
     svd = factorise(SvdMethod::qr);
   }
   read_factors(device, shape, choice.rows, *stream, svd, result);
+  const double unit = 1 / double{scale};
+  result.squares = (svd.squares + mean_squares) * unit * unit;
+  result.residual = svd.residual * unit;
   result.method = choice.method;
   result.reason = std::move(choice.reason);
   return result;

@@ -20,6 +20,8 @@ struct TruncatedSvd {
   std::vector<float> mean;   // [n], n = N C
   std::vector<float> left;   // U [P, k], orthonormal columns
   std::vector<float> right;  // A^T U [n, k]: the singular values are in it, descending
+  double squares = 0;        // |T|^2, with the mean
+  double residual = 0;       // |A - A_k|
   std::size_t passes = 0;    // over the data, without scanning and measuring
   SvdMethod method = SvdMethod::automatic;  // which ran
   std::string reason;                       // and why

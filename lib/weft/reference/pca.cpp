@@ -70,9 +70,11 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   };
   std::vector<double> mean;
   double mean_squares = 0;
+  double squares = 0;
   {
     const StageTimer timer(job, "scan");
     for_each_run("scan", [&](std::size_t, std::size_t count, std::span<const double> tile) {
+      for (const double value : tile) squares += value * value;
       for (const double sum : scan_tile(count, texels, shape.channels, tile).sums) {
         const float rounded = static_cast<float>(sum / static_cast<double>(texels));
         mean.push_back(static_cast<double>(rounded));
@@ -118,6 +120,8 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   PcaFit fit;
   fit.method = svd.method;
   fit.passes = svd.passes;
+  fit.squares = squares;
+  fit.residual = std::sqrt(std::max(0.0, squares - mean_squares));
   fit.model = std::make_unique<PcaModel>();
   PcaModel& model = *fit.model;
   model.rank = svd.rank;
@@ -129,11 +133,17 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   Eigen::Map<Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> left(
       model.coefficients.data(), index(texels), k);
   Eigen::Map<Eigen::MatrixXf> right(model.basis.data(), index(n), k);
+  // the columns of U are orthonormal
+  const auto left_over = [&](const auto& B) {
+    return std::sqrt(
+        std::max(0.0, squares - mean_squares - B.template cast<double>().squaredNorm()));
+  };
   const Eigen::Map<const RowMajor> V(svd.V.data(), index(by_texels ? n : texels), k);
   const Eigen::Map<const RowMajor> XV(svd.XV.data(), index(by_texels ? texels : n), k);
   if (!by_texels) {
     left = V.cast<float>();
     right = XV.cast<float>();
+    fit.residual = left_over(right);
     return fit;
   }
   // XV = U R, A = U (V R^T)^T
@@ -142,6 +152,7 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   const Eigen::MatrixXd U = qr.householderQ() * Eigen::MatrixXd::Identity(XV.rows(), k);
   left = U.cast<float>();
   right = (V * R.transpose()).cast<float>();
+  fit.residual = left_over(right);
   return fit;
 }
 

@@ -20,6 +20,8 @@ struct PcaFit {
   std::unique_ptr<PcaModel> model;
   SvdMethod method = SvdMethod::automatic;  // which ran
   std::size_t passes = 0;
+  double squares = 0;   // |T|^2, with the mean
+  double residual = 0;  // |A - A_k|, A the data without the mean
 };
 PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job);
 

@@ -13,9 +13,12 @@
 #include "weft/btf/directions.hpp"
 #include "weft/btf/hemisphere.hpp"
 #include "weft/ops/decode_pca.hpp"
+#include "weft/ops/decode_sparse.hpp"
 #include "weft/ops/gemm.hpp"
+#include "weft/ops/launch.hpp"
 #include "weft/ops/look_up_factors.hpp"
 #include "weft/ops/look_up_raw.hpp"
+#include "weft/ops/look_up_sparse.hpp"
 #include "weft/ops/shade.hpp"
 #include "weft/reference/random.hpp"
 
@@ -65,6 +68,55 @@ Benchmark lpca(std::size_t clusters, std::size_t rank) {
         std::make_shared<Buffer>(device, ops::decode_lpca_bytes(device, shape), "sorted");
     return [=, &device] {
       ops::decode_lpca(device, shape, *table, *slots, *A, *B, *mean, *sorted, *out);
+    };
+  };
+  return benchmark;
+}
+
+// Ascending lists of `length` atoms each. Every other entry is the same in a run of 8 lists, as
+// neighbouring texels have atoms in common.
+std::vector<std::uint32_t> sparse_terms(std::size_t lists, std::size_t length, std::size_t atoms) {
+  std::vector<std::uint32_t> terms;
+  const std::size_t step = atoms / length;
+  for (std::size_t list = 0; list < lists; ++list) {
+    for (std::size_t n = 0; n < length; ++n) {
+      const std::size_t key = n % 2 == 0 ? list / 8 : list;
+      terms.push_back(static_cast<std::uint32_t>(n * step + reference::splitmix64(n, key) % step));
+    }
+  }
+  return terms;
+}
+
+std::shared_ptr<Buffer> upload_terms(Device& device, const std::vector<std::uint32_t>& terms) {
+  auto buffer = std::make_shared<Buffer>(device, terms.size() * sizeof(std::uint32_t), "terms");
+  device.write(*buffer, std::span<const std::uint32_t>(terms));
+  return buffer;
+}
+
+constexpr std::size_t sparse_atoms = 256;
+
+Benchmark sparse(std::size_t k1, std::size_t k2) {
+  const ops::DecodeSparseShape shape{0, 81, 1, 81, 16384, 3, sparse_atoms, sparse_atoms, k1, k2};
+  const std::size_t count = shape.images * shape.texels * shape.channels;
+  Benchmark benchmark{"decode_sparse", fmt::format("81 x 16384 x 3, k1 {}, k2 {}", k1, k2),
+                      2.0 * static_cast<double>(shape.images * shape.channels) *
+                          static_cast<double>(shape.texels * k2 + shape.abrdf_atoms * k1),
+                      4.0 * static_cast<double>(count)};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const std::size_t width = ops::vector_width(device);
+    const auto V = upload_terms(device, sparse_terms(sparse_atoms, k1, sparse_atoms));
+    const auto P = upload_terms(device, sparse_terms(shape.texels, k2, sparse_atoms));
+    const auto v = std::make_shared<Buffer>(random_buffer(device, sparse_atoms * k1, "V"));
+    const auto p = std::make_shared<Buffer>(random_buffer(device, shape.texels * k2, "P"));
+    const auto L = std::make_shared<Buffer>(
+        random_buffer(device, ops::sparse_dictionary_floats(width, shape), "L"));
+    const auto mean = std::make_shared<Buffer>(
+        random_buffer(device, ops::sparse_mean_floats(width, shape), "mean"));
+    const auto abrdfs = std::make_shared<Buffer>(
+        random_buffer(device, ops::sparse_abrdf_floats(width, shape), "ABRDFs"));
+    const auto out = std::make_shared<Buffer>(device, count * sizeof(float), "out");
+    return [=, &device] {
+      ops::decode_sparse(device, shape, {*V, *v}, {*P, *p}, *L, *mean, *abrdfs, *out);
     };
   };
   return benchmark;
@@ -135,6 +187,38 @@ Benchmark pca_lookups(std::size_t rank, bool sorted) {
   return benchmark;
 }
 
+Benchmark sparse_lookups(std::size_t k1, std::size_t k2, ops::TexelLists lists) {
+  const BtfShape shape{81, 81, 128, 128, 3};
+  const ops::SparseLengths lengths{k1, k2};
+  Benchmark benchmark{
+      "look_up_sparse",
+      fmt::format("{} of 4 x 3 x 3 taps, k1 {}, k2 {}, {}", lookup_count, k1, k2,
+                  lists == ops::TexelLists::merged ? "lists merged" : "texel by texel"),
+      static_cast<double>(lookup_count) *
+          ops::look_up_sparse_flops(filtered, shape.channels, lengths),
+      static_cast<double>(lookup_count * (filtered.words() + shape.channels) * 4)};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const std::size_t row = ops::sparse_channel_floats(shape.channels);
+    const auto records = lookup_buffer(device, shape, false);
+    const auto V = upload_terms(device, sparse_terms(sparse_atoms * shape.views, k1, sparse_atoms));
+    const auto P =
+        upload_terms(device, ops::end_lists(sparse_terms(shape.texels(), k2, sparse_atoms), k2));
+    const auto v =
+        std::make_shared<Buffer>(random_buffer(device, sparse_atoms * shape.views * k1, "V"));
+    const auto p = std::make_shared<Buffer>(random_buffer(device, shape.texels() * k2, "P"));
+    const auto L =
+        std::make_shared<Buffer>(random_buffer(device, sparse_atoms * shape.lights * row, "L"));
+    const auto mean = std::make_shared<Buffer>(random_buffer(device, shape.images() * row, "mean"));
+    const auto out =
+        std::make_shared<Buffer>(device, lookup_count * shape.channels * sizeof(float), "out");
+    return [=, &device] {
+      ops::look_up_sparse(device, {filtered, shape, lookup_count, *records, *out}, lengths,
+                          {*V, *v}, {*P, *p}, *L, *mean, lists);
+    };
+  };
+  return benchmark;
+}
+
 // One look-up reads 36 texels, each from a cache line of its own.
 Benchmark raw_lookups(bool sorted) {
   const BtfShape shape{81, 81, 64, 64, 3};
@@ -183,9 +267,12 @@ std::vector<Benchmark> decoder_benchmarks() {
           pca(64),
           lpca(16, 8),
           lpca(64, 16),
+          sparse(9, 11),
           pca_lookups(16, false),
           pca_lookups(16, true),
           pca_lookups(64, false),
+          sparse_lookups(9, 11, ops::TexelLists::merged),
+          sparse_lookups(9, 11, ops::TexelLists::one_by_one),
           raw_lookups(false),
           raw_lookups(true),
           directions()};
