@@ -144,7 +144,7 @@ TEST(SparseModel, TensorsThatDoNotFitEachOtherAreRefused) {
   expect_refused({"m.weft", "view_atoms", "[2, 4]"}, [](LyingModel& m) {
     m.list[2].shape = {2, 4};
   });
-  expect_refused({"m.weft", "view_atoms", "[1, 2, 4]"}, [](LyingModel& m) {
+  expect_refused({"m.weft", "view_atoms", "lists of 4 among 3"}, [](LyingModel& m) {
     m.list[2].shape = {1, 2, 4};
   });
   expect_refused({"m.weft", "view_coefficients", "[4, 2, 1]", "[2, 2, 2]"}, [](LyingModel& m) {
@@ -174,7 +174,7 @@ TEST(SparseModel, CoefficientsThatAreNoNumbersAreRefused) {
     std::memcpy(edited.data.data() + edited.begin(tensor) + sizeof(nan), &nan, sizeof(nan));
     edited.set_checksums();
     write_bytes(path, edited.file());
-    expect_error(ErrorKind::input, {"m.weft", tensor, "nan", "index 1"},
+    expect_error(ErrorKind::input, {"m.weft", tensor, "index 1 is not finite"},
                  [&] { SparseModel::read(ModelFile(path)); });
     write_model(path, model);
   }

@@ -247,18 +247,25 @@ class SparseFitter {
 
   SparseFit finish() const { return {model(), rank_, errors(texels_.objective, views_.objective)}; }
 
-  // Bytes of the file for other lengths than those of `model`.
+  // Bytes of the file for other lengths than those of `model`, with all atoms in use.
   LengthBytes length_bytes(const SparseModel& model) const {
     const std::size_t real = options_.storage == Storage::f16 ? 2 : 4;
-    const std::size_t view_term = size_of(model.views.atoms.dtype()) + real;
-    const std::size_t texel_term = size_of(model.texels.atoms.dtype()) + real;
-    const std::size_t view_lists = model.abrdf_atoms * shape_.views;
+    const std::size_t scale = options_.storage == Storage::f16 ? sizeof(float) : 0;
+    const std::size_t view_term = size_of(IndexTensor({}, sizes_.light_atoms).dtype()) + real;
+    const std::size_t texel_term = size_of(IndexTensor({}, sizes_.abrdf_atoms).dtype()) + real;
+    const std::size_t light_atom = sizes_.fibre * real + scale;
     // the header's numbers may be longer by some digits
     constexpr std::size_t digits = 64;
-    const std::size_t fixed = model_file_size(model) - view_lists * model.views.length * view_term -
-                              sizes_.texels * model.texels.length * texel_term + digits;
+    const std::size_t without_lists =
+        model_file_size(model) -
+        model.views.coefficients.size() * (size_of(model.views.atoms.dtype()) + real) -
+        model.texels.coefficients.size() * (size_of(model.texels.atoms.dtype()) + real) -
+        model.light_atoms * light_atom - model.abrdf_atoms * scale;
+    const std::size_t fixed =
+        without_lists + digits + sizes_.light_atoms * light_atom + sizes_.abrdf_atoms * scale;
+    const std::size_t fibres = sizes_.abrdf_atoms * shape_.views;
     return [=, texels = sizes_.texels](std::size_t k1, std::size_t k2) {
-      return fixed + view_lists * k1 * view_term + texels * k2 * texel_term;
+      return fixed + fibres * k1 * view_term + texels * k2 * texel_term;
     };
   }
 

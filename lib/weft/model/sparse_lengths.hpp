@@ -19,7 +19,7 @@ namespace weft {
 //   Y: [signals][dimension]; D: [atoms][dimension]
 std::vector<double> truncation_errors(std::size_t dimension, std::span<const float> Y,
                                       std::span<const float> D, const CodeLists& codes,
-                                      std::size_t most_signals = 4096);
+                                      std::size_t most_signals = 1024);
 
 struct SparseLengthChoice {
   std::size_t view_terms = 0;   // k1
