@@ -162,7 +162,8 @@ TEST(SparseGoal, SizesAreKept) {
         {{"atoms", "24,20"}, {"iterations", "8"}, {"target", "size=" + std::to_string(allowed)}},
         *source, &bytes);
     EXPECT_LE(bytes, allowed);
-    EXPECT_GT(bytes, allowed - 20 * 18 * 3 - 100);  // k2 takes 3 bytes a texel
+    // k2 takes 3 bytes a texel, and the header some
+    EXPECT_GT(bytes, allowed - 20 * 18 * 3 - 600);
     EXPECT_LT(error, before);
     before = error;
   }

@@ -254,8 +254,8 @@ class SparseFitter {
     const std::size_t view_term = size_of(IndexTensor({}, sizes_.light_atoms).dtype()) + real;
     const std::size_t texel_term = size_of(IndexTensor({}, sizes_.abrdf_atoms).dtype()) + real;
     const std::size_t light_atom = sizes_.fibre * real + scale;
-    // the header's numbers may be longer by some digits
-    constexpr std::size_t digits = 64;
+    // the header's numbers may be longer by some digits, and the parameters are still to come
+    constexpr std::size_t digits = 512;
     const std::size_t without_lists =
         model_file_size(model) -
         model.views.coefficients.size() * (size_of(model.views.atoms.dtype()) + real) -
