@@ -59,7 +59,7 @@
 #define SMALLEST_SCALE 0x1p-104f     // correlations of larger signals might overflow
 
 // Functions that are not inlined would not have the kernel's vectors.
-#if defined(__has_attribute)
+#if defined(__OPTIMIZE__) && defined(__has_attribute)
 #if __has_attribute(always_inline)
 #define INLINE inline __attribute__((always_inline))
 #endif

@@ -13,6 +13,7 @@
 #include <numeric>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ops/matrices.hpp"
@@ -329,6 +330,318 @@ TEST(BatchOmp, EndsAtAResidual) {
   for (const double residual : {2.0, 1.0, 0.1}) {
     expect_every_way(problem, {12, residual});
   }
+}
+
+// Signals of few atoms of an orthonormal basis and its rotation, whose coherence is small: both
+// find exactly those atoms.
+TEST(BatchOmp, RecoversSparseSignals) {
+  const std::size_t dimension = 64;
+  const std::size_t k = 4;
+  Random random(11);
+  const std::vector<double> basis = random_orthonormal(dimension, dimension, 12);
+  Problem problem{2 * dimension, dimension, {}, {}};
+  for (std::size_t i = 0; i < dimension * dimension; ++i) {
+    problem.D.push_back(i % (dimension + 1) == 0 ? 1.0f : 0.0f);
+  }
+  for (const double x : basis) problem.D.push_back(static_cast<float>(x));
+  std::vector<std::set<std::uint32_t>> supports;
+  for (std::size_t s = 0; s < 100; ++s) {
+    std::vector<double> y(dimension, 0.0);
+    std::set<std::uint32_t> support;
+    while (support.size() < k) {
+      support.insert(static_cast<std::uint32_t>(random.index(2 * dimension)));
+    }
+    for (const std::uint32_t n : support) {
+      const double x = (random.index(2) == 0 ? -1.0 : 1.0) * random.uniform(1.0, 1.5);
+      for (std::size_t i = 0; i < dimension; ++i) y[i] += x * problem.D[n * dimension + i];
+    }
+    for (const double value : y) problem.Y.push_back(static_cast<float>(value));
+    supports.push_back(std::move(support));
+  }
+  for (const OmpOptions& options : every_way({k, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const Codes codes = code(problem, options);
+    std::size_t recovered = 0;
+    for (std::size_t s = 0; s < supports.size(); ++s) {
+      const auto first = codes.indices.begin() + static_cast<std::ptrdiff_t>(s * k);
+      if (supports[s] == std::set<std::uint32_t>(first, first + k)) {
+        ++recovered;
+        EXPECT_LE(codes.residuals[s], 1e-5f);
+      }
+    }
+    // A few signals of such coherence are beyond any pursuit: those of the reference.
+    const reference::SparseCodes expected = reference::batch_omp(
+        problem.atoms, dimension, widened(problem.D), widened(problem.Y), options.target);
+    std::size_t recoverable = 0;
+    for (std::size_t s = 0; s < supports.size(); ++s) {
+      const auto first = expected.indices.begin() + static_cast<std::ptrdiff_t>(s * k);
+      recoverable += supports[s] == std::set<std::uint32_t>(first, first + k) ? 1 : 0;
+    }
+    EXPECT_EQ(recovered, recoverable);
+    EXPECT_GE(recovered, 90U);
+    // the inner products can't follow residuals of zero
+    if (options.form == OmpForm::gram) {
+      EXPECT_GE(codes.recoded, recovered);
+    }
+  }
+  // with one atom more than there are, the pursuit ends where nothing is left
+  for (const OmpOptions& options : every_way({k + 1, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const Codes codes = code(problem, options);
+    EXPECT_GE(std::ranges::count(codes.counts, k), 90);
+    expect_pursuits(problem, options);
+  }
+}
+
+// Signals of which one is zero, one an atom, one tiny, one huge, one NaN and one infinite.
+TEST(BatchOmp, SignalsOfEveryMagnitude) {
+  Problem problem = random_problem(40, 21, 12, 13);
+  const auto signal = [&](std::size_t s) {
+    return std::span<float>(problem.Y.data() + s * problem.dimension, problem.dimension);
+  };
+  std::ranges::fill(signal(0), 0.0f);
+  std::ranges::copy(std::span<const float>(problem.D.data(), problem.dimension), signal(1).begin());
+  for (const auto& [s, scale] : std::vector<std::pair<std::size_t, float>>{
+           {2, 1e-30f}, {3, 1e30f}, {4, 1e-15f}, {5, 1e15f}, {6, 1e-32f}, {7, 3e31f}}) {
+    for (float& value : signal(s)) value *= scale;
+  }
+  for (std::size_t n = 0; n < problem.atoms; n += 3) {
+    const float scale = n % 2 == 0 ? 1e-6f : 1e6f;
+    for (std::size_t i = 0; i < problem.dimension; ++i) {
+      problem.D[n * problem.dimension + i] *= scale;
+    }
+  }
+  expect_every_way(problem, {5, 0});
+
+  signal(8)[20] = unused;
+  signal(9)[3] = std::numeric_limits<float>::infinity();
+  for (const OmpOptions& options : every_way({5, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const Codes codes = code(problem, options);
+    const reference::SparseCodes expected = reference::batch_omp(
+        problem.atoms, problem.dimension, widened(problem.D), widened(problem.Y), options.target);
+    for (const std::size_t s : Sizes{0, 8, 9}) {
+      EXPECT_EQ(codes.counts[s], 0U);
+      EXPECT_EQ(expected.counts[s], 0U);
+      EXPECT_EQ(std::isnan(codes.residuals[s]), s != 0);
+      EXPECT_EQ(std::isnan(expected.residuals[s]), s != 0);
+    }
+    EXPECT_EQ(codes.counts[1], 1U);
+    EXPECT_EQ(expected.counts[1], 1U);
+    EXPECT_EQ(codes.counts[10], 5U);
+    for (const float x : codes.coefficients) EXPECT_TRUE(std::isfinite(x));
+  }
+}
+
+TEST(BatchOmp, DictionariesOfEveryMagnitude) {
+  for (const auto& [atoms, signals] : std::vector<std::pair<float, float>>{
+           {1e-30f, 1e-30f}, {1e30f, 1e30f}, {1e30f, 1e-5f}, {1e-30f, 1e5f}}) {
+    Problem problem = random_problem(30, 14, 4, 15);
+    for (float& value : problem.D) value *= atoms;
+    for (float& value : problem.Y) value *= signals;
+    expect_every_way(problem, {4, 0});
+  }
+}
+
+// A coefficient that no float holds is the largest float.
+TEST(BatchOmp, CoefficientsStayFinite) {
+  Problem problem{2, 2, {1e-30f, 0, 0, 1}, {1e30f, 1e29f}};
+  for (const OmpOptions& options : every_way({2, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const Codes codes = code(problem, options);
+    EXPECT_EQ(codes.counts[0], 2U);
+    EXPECT_EQ(codes.coefficients[0], std::numeric_limits<float>::max());
+    EXPECT_NEAR(codes.coefficients[1], 1e29f, 1e23f);
+  }
+}
+
+// Zero, duplicate, opposite and nearly collinear atoms, and some with a NaN or infinity.
+TEST(BatchOmp, DegenerateDictionaries) {
+  Problem problem = random_problem(60, 12, 20, 17);
+  const auto atom = [&](std::size_t n) {
+    return std::span<float>(problem.D.data() + n * problem.dimension, problem.dimension);
+  };
+  std::ranges::fill(atom(0), 0.0f);
+  std::ranges::copy(atom(2), atom(1).begin());
+  for (std::size_t i = 0; i < problem.dimension; ++i) {
+    atom(3)[i] = -2 * atom(2)[i];
+    atom(5)[i] = atom(4)[i] * (1 + 1e-6f * static_cast<float>(i));
+    atom(7)[i] = atom(6)[i] * (1 + 2e-3f * static_cast<float>(i));
+    atom(10)[i] = atom(8)[i] + atom(9)[i];
+  }
+  atom(11)[4] = unused;
+  atom(12)[0] = -std::numeric_limits<float>::infinity();
+  // a signal of each of those, exactly
+  for (std::size_t n = 0; n < 11; ++n)
+    std::ranges::copy(atom(n),
+                      problem.Y.begin() + static_cast<std::ptrdiff_t>(n * problem.dimension));
+  // in the reference, atoms with NaN are zero
+  for (const std::size_t k : Sizes{1, 6, 12, 14, 70}) {
+    for (const OmpOptions& options : every_way({k, 0})) {
+      const Codes codes = code(problem, options);
+      for (std::size_t i = 0; i < codes.indices.size(); ++i) {
+        if (codes.coefficients[i] == 0) continue;
+        EXPECT_NE(codes.indices[i], 0U);
+        EXPECT_NE(codes.indices[i], 11U);
+        EXPECT_NE(codes.indices[i], 12U);
+      }
+    }
+    expect_every_way(problem, {k, 0});
+  }
+}
+
+// Every atom the same, or nearly: one is chosen, the lowest.
+TEST(BatchOmp, OneAtomManyTimes) {
+  Problem problem = random_problem(1, 9, 4, 19);
+  problem.atoms = 300;
+  const std::vector<float> one = problem.D;
+  while (problem.D.size() < problem.atoms * problem.dimension) {
+    problem.D.insert(problem.D.end(), one.begin(), one.end());
+  }
+  for (const OmpOptions& options : every_way({4, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const Codes codes = code(problem, options);
+    const reference::SparseCodes expected = reference::batch_omp(
+        problem.atoms, problem.dimension, widened(problem.D), widened(problem.Y), options.target);
+    for (std::size_t s = 0; s < problem.signals(); ++s) {
+      EXPECT_EQ(codes.counts[s], 1U);
+      EXPECT_EQ(expected.counts[s], 1U);
+      for (std::size_t j = 0; j < 4; ++j) {
+        EXPECT_EQ(codes.indices[s * 4 + j], j);
+        EXPECT_EQ(expected.indices[s * 4 + j], j);
+      }
+    }
+  }
+}
+
+// Signals that the dictionary's span does not hold, and more atoms wanted than it has rank.
+TEST(BatchOmp, RankDeficientDictionaries) {
+  const std::size_t rank = 6;
+  Problem problem{50, 24, {}, random_floats(24 * 30, 21, -1.0, 1.0)};
+  const std::vector<double> values(rank, 1.0);
+  for (const double x : matrix_with_singular_values(problem.atoms, problem.dimension, values, 22)) {
+    problem.D.push_back(static_cast<float>(x));
+  }
+  for (const OmpOptions& options : every_way({10, 0})) {
+    const Codes codes = code(problem, options);
+    for (const std::uint32_t count : codes.counts) EXPECT_LE(count, rank);
+    expect_pursuits(problem, options);
+  }
+}
+
+// Targets above and below what the inner products can tell.
+TEST(BatchOmp, EndsAtASmallResidual) {
+  Problem problem = random_problem(64, 12, 60, 23);
+  for (const double residual : {1e-1, 2e-3, 1e-3, 1e-4, 1e-5}) {
+    expect_every_way(problem, {12, residual});
+  }
+}
+
+TEST(BatchOmp, TheSameBitsWhateverTheOthers) {
+  Device& device = shared_device();
+  // chunks of 4096 and blocks of 65536 signals
+  Problem problem = random_problem(20, 3, 70000, 25);
+  for (std::size_t i = 0; i < 3 * 500; ++i) problem.Y[i] = problem.D[i % 60];
+  for (const OmpOptions& options : every_way({2, 0})) {
+    SCOPED_TRACE(text_of(options));
+    const bool fast = options.form == OmpForm::gram && options.family == ops::Family::panels;
+    const std::size_t signals = fast ? problem.signals() : 5000;
+    Buffer D(device, problem.D.size() * sizeof(float), "D");
+    Buffer Y(device, problem.Y.size() * sizeof(float), "Y");
+    device.write(D, std::span<const float>(problem.D));
+    device.write(Y, std::span<const float>(problem.Y));
+    ops::BatchOmp omp(device, problem.atoms, problem.dimension, options);
+    omp.set_dictionary({D, problem.dimension});
+    const auto coded = [&](std::size_t at_once) {
+      Buffer indices(device, signals * 2 * sizeof(std::uint32_t), "indices");
+      Buffer coefficients(device, signals * 2 * sizeof(float), "coefficients");
+      Buffer counts(device, signals * sizeof(std::uint32_t), "counts");
+      for (std::size_t s = 0; s < signals; s += at_once) {
+        omp.code(std::min(at_once, signals - s), {Y, 3, s * 3},
+                 {indices, coefficients, counts, nullptr, s});
+      }
+      std::vector<std::uint32_t> chosen(signals * 2);
+      std::vector<float> values(signals * 2);
+      device.read(indices, std::span<std::uint32_t>(chosen));
+      device.read(coefficients, std::span<float>(values));
+      return std::pair(std::move(chosen), std::move(values));
+    };
+    const auto whole = coded(signals);
+    const auto parts = coded(fast ? 9999 : 777);
+    EXPECT_EQ(parts.first, whole.first);
+    EXPECT_TRUE(same_bits(parts.second, whole.second));
+  }
+}
+
+TEST(BatchOmp, FromCorrelations) {
+  Device& device = shared_device();
+  const Problem problem = random_problem(70, 20, 150, 27);
+  const Codes expected = code(problem, {{3, 0}, OmpForm::gram});
+  Buffer D(device, problem.D.size() * sizeof(float), "D");
+  Buffer Y(device, problem.Y.size() * sizeof(float), "Y");
+  device.write(D, std::span<const float>(problem.D));
+  device.write(Y, std::span<const float>(problem.Y));
+  ops::BatchOmp omp(device, 70, 20, {{3, 0}, OmpForm::gram});
+  omp.set_dictionary({D, 20});
+  GuardedBuffer C(device, 150 * omp.row_of_correlations() * sizeof(float), "C");
+  GuardedBuffer indices(device, 150 * 3 * sizeof(std::uint32_t), "indices");
+  GuardedBuffer coefficients(device, 150 * 3 * sizeof(float), "coefficients");
+  GuardedBuffer counts(device, 150 * sizeof(std::uint32_t), "counts");
+  omp.correlate(150, {Y, 20}, C.buffer());
+  omp.code_correlated(150, {Y, 20}, C.buffer(),
+                      {indices.buffer(), coefficients.buffer(), counts.buffer()});
+  EXPECT_EQ(indices.values<std::uint32_t>(), expected.indices);
+  EXPECT_TRUE(same_bits(coefficients.values<float>(), expected.coefficients));
+  for (GuardedBuffer* buffer : {&C, &indices, &coefficients, &counts}) {
+    EXPECT_TRUE(buffer->intact());
+  }
+}
+
+// A dictionary whose inner products are not kept.
+TEST(BatchOmp, ManyAtoms) {
+  const Problem problem = random_problem(9000, 10, 40, 29);
+  const OmpOptions options{{3, 0}};
+  EXPECT_EQ(code(problem, options).recoded, 0U);
+  EXPECT_GE(expect_pursuits(problem, options), 39U);
+  EXPECT_LT(ops::BatchOmp::bytes(shared_device(), 65536, 300, {{16, 0}}), std::size_t{300} << 20);
+}
+
+TEST(BatchOmp, AccountsForItsBuffers) {
+  Device& device = shared_device();
+  for (const OmpOptions& options : every_way({5, 0})) {
+    const std::size_t before = device.allocated();
+    const ops::BatchOmp omp(device, 100, 30, options);
+    EXPECT_LE(device.allocated() - before, ops::BatchOmp::bytes(device, 100, 30, options));
+  }
+}
+
+TEST(BatchOmp, RefusesWhatDoesNotFit) {
+  Device& device = shared_device();
+  const auto make = [&](std::size_t atoms, std::size_t dimension, const OmpTarget& target) {
+    ops::BatchOmp(device, atoms, dimension, {target});
+  };
+  expect_error(ErrorKind::input, {"0 atoms"}, [&] { make(0, 3, {1, 0}); });
+  expect_error(ErrorKind::input, {"dimension 0"}, [&] { make(3, 0, {1, 0}); });
+  expect_error(ErrorKind::input, {"0 atoms per signal"}, [&] { make(3, 3, {0, 0}); });
+  expect_error(ErrorKind::input, {"residual of -1"}, [&] { make(3, 3, {1, -1}); });
+  expect_error(ErrorKind::input, {"residual of nan"}, [&] { make(3, 3, {1, std::nan("")}); });
+  ops::BatchOmp omp(device, 4, 3, {{2, 0}});
+  Buffer small(device, 11 * sizeof(float), "small");
+  Buffer large(device, 400 * sizeof(float), "large");
+  expect_error(ErrorKind::input, {"matrix D"}, [&] { omp.set_dictionary({small, 3}); });
+  omp.set_dictionary({large, 3});
+  expect_error(ErrorKind::input, {"matrix Y"}, [&] {
+    omp.code(4, {small, 3}, {large, large, large});
+  });
+  expect_error(ErrorKind::input, {"matrix Y"}, [&] {
+    omp.code(1, {large, 2}, {large, large, large});
+  });
+  expect_error(ErrorKind::input, {"codes of 6 signals"}, [&] {
+    omp.code(6, {large, 3}, {small, large, large});
+  });
+  expect_error(ErrorKind::input, {"codes of 6 signals from 396"}, [&] {
+    omp.code(6, {large, 3}, {large, large, large, nullptr, 396});
+  });
 }
 
 }  // namespace

@@ -32,6 +32,7 @@ std::vector<Benchmark> cluster_benchmarks();     // clusters of texels
 std::vector<Benchmark> dictionary_benchmarks();  // learning of dictionaries
 std::vector<Benchmark> decoder_benchmarks();     // images from models
 std::vector<Benchmark> render_benchmarks();      // synthesised materials
+std::vector<Benchmark> sparse_benchmarks();      // sparse coding
 // All of them, in this order.
 std::vector<Benchmark> all_benchmarks();
 
