@@ -42,7 +42,7 @@ std::size_t matrix_granule(std::size_t columns) {
 
 // Which way to factorise a matrix with so many columns, the short side.
 SvdMethod method_for(std::size_t columns, double tolerance, std::size_t rank) {
-  constexpr std::size_t small_side = 1024;  // for which the host's part is a matter of a second
+  constexpr std::size_t small_side = 2560;  // for which the host's part is a matter of seconds
   constexpr std::size_t least_side = 256;
   if (columns > most_dense_columns) return SvdMethod::randomized;
   if (tolerance > 0) {

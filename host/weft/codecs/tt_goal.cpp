@@ -120,6 +120,50 @@ std::unique_ptr<TtModel> fit_to_error(const TtOptions& options, const BtfInfo& s
        options.goal.text, found);
 }
 
+// Errors and the selection are written into the header once they are known.
+std::size_t file_size(const TtModel& model) {
+  constexpr std::size_t kept_room = 512;
+  return model_file_size(model) + kept_room;
+}
+
+using StoreTrain = std::function<std::unique_ptr<TtModel>(const TensorTrain& train)>;
+
+// The train with ranks cut by TT-rounding until it is stored in so many bytes, `number` for each of
+// its numbers; null where no ranks are small enough.
+std::unique_ptr<TtModel> cut_to_size(const TensorTrain& train, std::size_t bytes,
+                                     std::size_t number, const StoreTrain& stored) {
+  // What stands beside the numbers, scales among it, shrinks with them: by how much, two trains
+  // tell.
+  auto model = stored(train);
+  if (file_size(*model) <= bytes) return model;
+  std::unique_ptr<TtModel> best;
+  double bytes_of_number = static_cast<double>(number);
+  constexpr int most_cuts = 5;
+  for (int cuts = 0; cuts < most_cuts || !best; ++cuts) {
+    const double size = static_cast<double>(file_size(*model));
+    const double coefficients = static_cast<double>(model->coefficients());
+    const double wanted_coefficients =
+        coefficients + std::floor((static_cast<double>(bytes) - size) / bytes_of_number);
+    if (wanted_coefficients < 1) break;
+    reference::TrainRequest request;
+    request.ranks = ranks_within(train, static_cast<std::size_t>(wanted_coefficients));
+    const TensorTrain cut = reference::tt_round(train, request).train;
+    const bool too_large = static_cast<double>(cut.coefficients()) > wanted_coefficients;
+    auto next = stored(cut);
+    const bool same = next->coefficients() == model->coefficients();
+    if (!same) {
+      bytes_of_number = std::max(bytes_of_number / 2,
+                                 (size - static_cast<double>(file_size(*next))) /
+                                     (coefficients - static_cast<double>(next->coefficients())));
+    }
+    model = std::move(next);
+    const bool fits = file_size(*model) <= bytes;
+    if (fits && (!best || model->coefficients() > best->coefficients())) best = stored(cut);
+    if (same || too_large) break;  // a train of ranks 1, or no finer steps
+  }
+  return best;
+}
+
 std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& source,
                                      Storage storage, const FitTrain& fit, Job& job) {
   const auto stored = [&](const TensorTrain& train) {
@@ -128,13 +172,14 @@ std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& so
     describe(*model, options);
     return model;
   };
-  // Errors and the selection are written into the header once they are known.
-  constexpr std::size_t kept_room = 512;
-  const auto file_size = [](const TtModel& model) { return model_file_size(model) + kept_room; };
   const std::size_t number = storage == Storage::f16 ? 2 : 4;
+  // Ranks cut back from a larger train by their energy are better than those of equal errors.
+  constexpr double wanted = 1.6;
   constexpr double loosest = 0.5;
   constexpr double tightest = 1e-5;
   double tolerance = loosest;
+  double tolerance_before = 1;
+  double before = 0;  // numbers at that
   TrainFit made;
   while (true) {
     reference::TrainRequest request;
@@ -143,29 +188,25 @@ std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& so
     const std::size_t coefficients = made.train.coefficients();
     job.notes.push_back(
         fmt::format("relative error {:.4g} takes {} numbers", std::sqrt(made.lost), coefficients));
-    if (coefficients * number >= options.goal.bytes || tolerance <= tightest) break;
-    // Sizes grow about as a power of the error: one that is too small by far says little of it.
+    const double numbers = static_cast<double>(coefficients);
     const double missing =
-        static_cast<double>(options.goal.bytes) / static_cast<double>(coefficients * number);
-    tolerance =
-        std::max(tolerance * std::clamp(std::pow(missing, -0.5) * 0.9, 0.3, 0.85), tightest);
+        wanted * static_cast<double>(options.goal.bytes) / (numbers * static_cast<double>(number));
+    if (missing <= 1 || tolerance <= tightest) break;
+    // Sizes grow about as a power of the error, which the last two fits tell. The first says
+    // little.
+    constexpr double first_slope = 2;
+    constexpr double beyond = 0.95;
+    const double slope =
+        before == 0
+            ? first_slope
+            : std::max(std::log(numbers / before) / std::log(tolerance_before / tolerance), 1.0);
+    const double step =
+        std::clamp(beyond * std::pow(missing, -1 / slope), before == 0 ? 0.5 : 0.2, 0.9);
+    before = numbers;
+    tolerance_before = tolerance;
+    tolerance = std::max(tolerance * step, tightest);
   }
-  auto model = stored(made.train);
-  std::size_t limit = made.train.coefficients();
-  while (true) {
-    const std::size_t size = file_size(*model);
-    if (size <= options.goal.bytes) return model;
-    // What stands beside the coefficients, scales among it, shrinks with them.
-    const std::size_t excess = (size - options.goal.bytes + number - 1) / number;
-    limit = std::min(limit, model->coefficients());
-    if (limit <= excess) break;
-    limit -= excess;
-    reference::TrainRequest request;
-    request.ranks = ranks_within(made.train, limit);
-    const TensorTrain cut = reference::tt_round(made.train, request).train;
-    if (cut.coefficients() > limit) break;  // a train of ranks 1 is too large
-    model = stored(cut);
-  }
+  if (auto model = cut_to_size(made.train, options.goal.bytes, number, stored)) return model;
   reference::TrainRequest least;
   least.ranks.fill(1);
   fail(ErrorKind::unmet_goal, "--target {}: the smallest train is a file of {} bytes",
