@@ -169,6 +169,27 @@ TEST(SparseGoal, SizesAreKept) {
   }
 }
 
+TEST(SparseGoal, ProjectionsThatMakeMostOfTheErrorGetAHigherRank) {
+  const auto source = sparse_source(material);
+  const auto fit = [&](std::size_t most_rank) {
+    SparseOptions options;
+    options.light_atoms = 24;
+    options.abrdf_atoms = 20;
+    options.iterations = 8;
+    options.rank = 2;
+    options.most_rank = most_rank;
+    options.goal.kind = FitGoal::Kind::size;
+    options.goal.bytes = 16000;
+    Job job;
+    return fit_sparse(shared_device(), *source, options, job);
+  };
+  const SparseFit raised = fit(12);
+  const SparseFit kept = fit(0);
+  EXPECT_GT(raised.rank, 2U);
+  EXPECT_EQ(kept.rank, 2U);
+  EXPECT_LT(raised.errors.foreseen(), kept.errors.foreseen());
+}
+
 TEST(SparseGoal, RelativeErrorsAreMet) {
   const auto source = sparse_source(material);
   std::size_t coarse = 0;

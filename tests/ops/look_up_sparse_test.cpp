@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <vector>
 
@@ -11,6 +12,8 @@
 #include "support/guarded_buffer.hpp"
 #include "support/matchers.hpp"
 #include "support/shared_device.hpp"
+#include "weft/codecs/sparse_decoder.hpp"
+#include "weft/ops/launch.hpp"
 #include "weft/reference/lookup.hpp"
 
 namespace weft::test {
@@ -65,16 +68,20 @@ std::vector<float> look_up(const SparseModel& model, const LookupShape& lookup,
       guarded(model.views.coefficients, "coefficients of views"),
       guarded(ops::end_lists(indices_of(model.texels.atoms), model.texels.length),
               "atoms of texels"),
-      guarded(model.texels.coefficients, "coefficients of texels"),
-      guarded(ops::pad_channels(model.dictionary, shape.channels), "dictionary"),
-      guarded(ops::pad_channels(model.mean, shape.channels), "mean"),
+      guarded(ops::end_lists(model.texels.coefficients, model.texels.length),
+              "coefficients of texels"),
+      guarded(ops::lookup_dictionary(ops::vector_width(device), model.light_atoms, shape.lights,
+                                     shape.channels, model.dictionary),
+              "dictionary"),
+      guarded(model.mean, "mean"),
       guarded(records, "records"),
   };
   GuardedBuffer out(device, count * shape.channels * sizeof(float), "values");
-  ops::look_up_sparse(
-      device, {lookup, shape, count, buffers[6].buffer(), out.buffer()},
-      {model.views.length, model.texels.length}, {buffers[0].buffer(), buffers[1].buffer()},
-      {buffers[2].buffer(), buffers[3].buffer()}, buffers[4].buffer(), buffers[5].buffer(), lists);
+  ops::look_up_sparse(device, {lookup, shape, count, buffers[6].buffer(), out.buffer()},
+                      {model.light_atoms, model.views.length, model.texels.length},
+                      {buffers[0].buffer(), buffers[1].buffer()},
+                      {buffers[2].buffer(), buffers[3].buffer()}, buffers[4].buffer(),
+                      buffers[5].buffer(), lists);
   std::vector<float> values = out.values<float>();
   EXPECT_TRUE(out.intact());
   for (GuardedBuffer& buffer : buffers) EXPECT_TRUE(buffer.intact());
@@ -94,10 +101,12 @@ void expect_looked_up(const SparseModel& model, const LookupShape& lookup, std::
   const SparseModel size = magnitude_of(model);
   std::vector<double> magnitude(expected.size());
   reference::texel_sampler(size)->look_up(lookup, records, magnitude);
-  // per term: k1 additions of products, those of lights and views, of the texels that have the atom
-  // and of all atoms, and three weights
-  const std::size_t terms = model.views.length + lookup.lights + lookup.views +
-                            (lookup.texels + 1) * (model.texels.length + 1) + 4;
+  // Per term: what is summed into its atom's coefficient, by texels and views; the atoms that a
+  // lane has, at most 1024 of at least 8 lanes, or the terms of a list and those of the texels; the
+  // lanes' sum, lights, views and texels, and three weights.
+  const std::size_t terms = lookup.texels * model.texels.length * lookup.views +
+                            std::min<std::size_t>(model.light_atoms, 1024) / 8 +
+                            model.views.length + lookup.lights + lookup.views + lookup.texels + 12;
   const double unit = gamma(static_cast<double>(terms), float_roundoff);
   EXPECT_TRUE(all_near(look_up(model, lookup, records, lists), expected,
                        [&](std::size_t i) { return unit * magnitude[i]; }));
@@ -130,6 +139,29 @@ TEST(LookUpSparse, AnyLengths) {
     expect_looked_up(random_sparse({3, 4, 3, 5, 3}, {20, 20, 4, k}), {4, 3, 3}, 30);
   }
   expect_looked_up(random_sparse({3, 4, 3, 5, 3}, {0, 0, 0, 0}), {4, 3, 3}, 30);
+}
+
+// About whole vectors of atoms, and those that are read term by term.
+TEST(LookUpSparse, AnyDictionary) {
+  for (const std::size_t atoms : Sizes{9, 16, 1024, 1025}) {
+    expect_looked_up(random_sparse({3, 4, 3, 5, 3}, {atoms, 20, 4, 3}), {4, 3, 3}, 30);
+  }
+  for (const std::size_t channels : Sizes{1, 5}) {
+    expect_looked_up(random_sparse({3, 4, 3, 5, channels}, {1100, 300, 4, 3}), {4, 3, 1}, 30);
+  }
+}
+
+// The single look-ups of a model of any lengths keep to its own bound.
+TEST(LookUpSparse, ModelsKeepToTheBoundOfTheCodec) {
+  const LookupShape single{1, 1, 1};
+  for (const SparseSizes& sizes : {SparseSizes{1000, 40, 1, 1}, SparseSizes{1000, 40, 8, 8}}) {
+    const SparseModel model = random_sparse({3, 4, 3, 5, 3}, sizes);
+    const std::vector<std::uint32_t> records = random_records(single, model.info.btf.shape, 15);
+    std::vector<double> expected(15 * 3);
+    reference::texel_sampler(model)->look_up(single, records, expected);
+    EXPECT_TRUE(all_near(look_up(model, single, records, ops::TexelLists::merged), expected,
+                         6 * sparse_decode_tolerance(model)));
+  }
 }
 
 }  // namespace

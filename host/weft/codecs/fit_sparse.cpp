@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -22,6 +22,8 @@ namespace {
 
 // The part of a relative error that is left to the projection.
 constexpr double projection_share = 0.5;
+// The part of a squared error beyond which the projection gets a higher rank.
+constexpr double projection_squares = 0.5;
 // Rounds of longer lists, where the measured error misses a goal that was foreseen to be met.
 constexpr int most_rounds = 4;
 // Bytes of the basis that are on the device at a time.
@@ -94,6 +96,7 @@ class SparseFitter {
         source_(source),
         options_(options),
         job_(job),
+        held_(job.held.size()),
         shape_(source.info().shape),
         sizes_(shape_, options) {}
 
@@ -101,7 +104,8 @@ class SparseFitter {
     const WithinPlan within(job_);
     project();
     if (rank_ == 0) return finish();
-    if (options_.goal) return fit_goal();
+    if (options_.goal.kind == FitGoal::Kind::size) return fit_size();
+    if (options_.goal.kind == FitGoal::Kind::relative) return fit_relative();
     decompose(options_.view_terms, options_.texel_terms, options_.iterations, false);
     return finish();
   }
@@ -109,6 +113,7 @@ class SparseFitter {
  private:
   // Mean, Y = U Sigma and W.
   void project() {
+    job_.held.resize(held_);
     TruncatedSvd svd = truncated_svd(device_, source_, svd_options(options_), job_);
     job_.notes.push_back(fmt::format("projection: svd {}, {} passes over the data, rank {}: {}",
                                      name_of(svd.method), svd.passes, svd.rank, svd.reason));
@@ -247,79 +252,119 @@ class SparseFitter {
 
   SparseFit finish() const { return {model(), rank_, errors(texels_.objective, views_.objective)}; }
 
+  std::size_t real_bytes() const { return options_.storage == Storage::f16 ? 2 : 4; }
+  // Of a term of lists of so many atoms.
+  std::size_t term_bytes(std::size_t atoms) const {
+    return size_of(IndexTensor({}, atoms).dtype()) + real_bytes();
+  }
+
   // Bytes of the file for other lengths than those of `model`, with all atoms in use.
   LengthBytes length_bytes(const SparseModel& model) const {
-    const std::size_t real = options_.storage == Storage::f16 ? 2 : 4;
     const std::size_t scale = options_.storage == Storage::f16 ? sizeof(float) : 0;
-    const std::size_t view_term = size_of(IndexTensor({}, sizes_.light_atoms).dtype()) + real;
-    const std::size_t texel_term = size_of(IndexTensor({}, sizes_.abrdf_atoms).dtype()) + real;
-    const std::size_t light_atom = sizes_.fibre * real + scale;
+    const std::size_t light_atom = sizes_.fibre * real_bytes() + scale;
     // the header's numbers may be longer by some digits, and the parameters are still to come
     constexpr std::size_t digits = 512;
     const std::size_t without_lists =
-        model_file_size(model) -
-        model.views.coefficients.size() * (size_of(model.views.atoms.dtype()) + real) -
-        model.texels.coefficients.size() * (size_of(model.texels.atoms.dtype()) + real) -
+        model_file_size(model) - model.views.coefficients.size() * term_bytes(model.light_atoms) -
+        model.texels.coefficients.size() * term_bytes(model.abrdf_atoms) -
         model.light_atoms * light_atom - model.abrdf_atoms * scale;
     const std::size_t fixed =
         without_lists + digits + sizes_.light_atoms * light_atom + sizes_.abrdf_atoms * scale;
-    const std::size_t fibres = sizes_.abrdf_atoms * shape_.views;
-    return [=, texels = sizes_.texels](std::size_t k1, std::size_t k2) {
-      return fixed + fibres * k1 * view_term + texels * k2 * texel_term;
-    };
+    const std::size_t of_views = sizes_.abrdf_atoms * shape_.views * term_bytes(sizes_.light_atoms);
+    const std::size_t of_texels = sizes_.texels * term_bytes(sizes_.abrdf_atoms);
+    return [=](std::size_t k1, std::size_t k2) { return fixed + k1 * of_views + k2 * of_texels; };
   }
 
-  // Chooses k1 and k2 from a decomposition with long lists.
-  SparseFit fit_goal() {
-    const FitGoal& goal = options_.goal;
-    const std::size_t first_iterations = (options_.iterations + 1) / 2;
-    decompose(options_.view_terms, options_.texel_terms, first_iterations, false);
-    std::vector<double> view_errors;
-    std::vector<double> texel_errors;
-    {
-      const StageTimer timer(job_, "errors of shorter lists");
-      texel_errors = truncation_errors(rank_, Y_, used_atoms(), P_);
-      view_errors = truncation_errors(sizes_.fibre, B_, views_.dictionary, V_);
-    }
-    const LengthBytes bytes = length_bytes(*model());
-    const std::size_t rest = options_.iterations - first_iterations;
-    const auto refit = [&](const SparseLengthChoice& choice) {
-      decompose(choice.view_terms, choice.texel_terms, rest, true);
-      SparseFit fit = finish();
-      const SparseErrors foreseen =
-          errors(texel_errors[choice.texel_terms], view_errors[choice.view_terms]);
-      job_.notes.push_back(fmt::format(
-          "k1 {}, k2 {}: relative error foreseen {:.4g} from longer lists, {:.4g} from these "
-          "(projection {:.4g}, texels {:.4g}, views {:.4g})",
-          choice.view_terms, choice.texel_terms, foreseen.foreseen(), fit.errors.foreseen(),
-          fit.errors.projection, fit.errors.texels, fit.errors.views));
-      return fit;
+  std::size_t first_iterations() const { return (options_.iterations + 1) / 2; }
+
+  // A decomposition with long lists, no longer than `most_bytes` of one kind, and the errors of all
+  // shorter ones.
+  void decompose_long(std::size_t most_bytes) {
+    const auto length = [&](std::size_t terms, std::size_t lists, std::size_t atoms) {
+      return std::clamp<std::size_t>(most_bytes / (lists * term_bytes(atoms)), 1, terms);
     };
-    if (goal.kind == FitGoal::Kind::size) {
-      const auto choice = lengths_of_size(view_errors, texel_errors, bytes, goal.bytes);
+    decompose(length(options_.view_terms, sizes_.abrdf_atoms * shape_.views, sizes_.light_atoms),
+              length(options_.texel_terms, sizes_.texels, sizes_.abrdf_atoms), first_iterations(),
+              false);
+    const StageTimer timer(job_, "errors of shorter lists");
+    texel_errors_ = truncation_errors(rank_, Y_, used_atoms(), P_);
+    view_errors_ = truncation_errors(sizes_.fibre, B_, views_.dictionary, V_);
+  }
+
+  // The decomposition with these lengths, from the dictionaries that there are.
+  SparseFit refit(const SparseLengthChoice& choice) {
+    decompose(choice.view_terms, choice.texel_terms, options_.iterations - first_iterations(),
+              true);
+    SparseFit fit = finish();
+    const SparseErrors foreseen =
+        errors(texel_errors_[choice.texel_terms], view_errors_[choice.view_terms]);
+    job_.notes.push_back(fmt::format(
+        "k1 {}, k2 {}: relative error foreseen {:.4g} from longer lists, {:.4g} from these "
+        "(projection {:.4g}, texels {:.4g}, views {:.4g})",
+        choice.view_terms, choice.texel_terms, foreseen.foreseen(), fit.errors.foreseen(),
+        fit.errors.projection, fit.errors.texels, fit.errors.views));
+    return fit;
+  }
+
+  // Whether the rank was raised, since the projection makes most of the error beside `squares`.
+  bool raise_rank(double squares) {
+    const std::size_t next = std::min(2 * options_.rank, options_.most_rank);
+    if (rank_ < options_.rank || next <= options_.rank ||
+        projection_ <= projection_squares * (projection_ + squares)) {
+      return false;
+    }
+    SparseOptions raised = options_;
+    raised.rank = next;
+    std::size_t bytes = plan_sparse(device_, source_, raised, job_).total();
+    for (std::size_t i = 0; i < held_; ++i) bytes += job_.held[i].bytes;
+    if (bytes > job_.memory) {
+      job_.notes.push_back(fmt::format(
+          "rank {} kept, though the projection makes most of the error: {} would take {} bytes",
+          options_.rank, next, bytes));
+      return false;
+    }
+    job_.notes.push_back(fmt::format("rank {} raised to {}: the projection made most of the error",
+                                     options_.rank, next));
+    options_.rank = next;
+    sizes_ = SparseSizes(shape_, options_);
+    return true;
+  }
+
+  SparseFit fit_size() {
+    const FitGoal& goal = options_.goal;
+    for (;;) {
+      decompose_long(goal.bytes);
+      const LengthBytes bytes = length_bytes(*model());
+      const auto choice = lengths_of_size(view_errors_, texel_errors_, bytes, goal.bytes);
       if (!choice) {
         fail(ErrorKind::unmet_goal,
              "--target {}: lists of one term take {} bytes, {} are allowed; fewer --atoms take "
              "less",
              goal.text, bytes(1, 1), goal.bytes);
       }
-      return refit(*choice);
+      if (!raise_rank(choice->squares)) return refit(*choice);
+      project();
     }
-    // the measured error by that of the choice
-    double ratio = 1;
+  }
+
+  SparseFit fit_relative() {
+    const FitGoal& goal = options_.goal;
+    decompose_long(std::numeric_limits<std::size_t>::max());
+    const LengthBytes bytes = length_bytes(*model());
+    const SparseLengthChoice longest{view_errors_.size() - 1, texel_errors_.size() - 1,
+                                     view_errors_.back() + texel_errors_.back()};
+    double ratio = 1;  // of the measured error to that of the choice
     for (int round = 0;; ++round) {
       const double allowed = std::pow(goal.relative / ratio, 2) * squares_ - projection_;
-      const auto found = lengths_of_error(view_errors, texel_errors, bytes, allowed);
-      const std::size_t k1 = view_errors.size() - 1;
-      const std::size_t k2 = texel_errors.size() - 1;
-      const bool longest = !found || (found->view_terms == k1 && found->texel_terms == k2);
       const SparseLengthChoice choice =
-          found.value_or(SparseLengthChoice{k1, k2, view_errors[k1] + texel_errors[k2]});
+          lengths_of_error(view_errors_, texel_errors_, bytes, allowed).value_or(longest);
       SparseFit fit = refit(choice);
       const double reached = measured(*fit.model);
       job_.notes.push_back(fmt::format("relative error reached {:.4g}", reached));
       if (reached <= goal.relative) return fit;
-      if (longest || round + 1 == most_rounds) {
+      const bool none_longer =
+          choice.view_terms == longest.view_terms && choice.texel_terms == longest.texel_terms;
+      if (none_longer || round + 1 == most_rounds) {
         fail(ErrorKind::unmet_goal,
              "--target {}: k1 = {}, k2 = {} and {} components reach {:.4g}; raise --k1, --k2, "
              "--atoms or --rank",
@@ -348,8 +393,9 @@ class SparseFitter {
 
   Device& device_;
   TileSource& source_;
-  const SparseOptions& options_;
+  SparseOptions options_;
   Job& job_;
+  std::size_t held_;  // items of the job's caller
   BtfShape shape_;
   SparseSizes sizes_;
 
@@ -368,6 +414,9 @@ class SparseFitter {
   std::vector<float> B_;             // [atoms used][n]
   KsvdFit<float> views_;
   CodeLists V_;
+  // with a goal: squared errors by the length of lists
+  std::vector<double> view_errors_;
+  std::vector<double> texel_errors_;
 };
 
 }  // namespace

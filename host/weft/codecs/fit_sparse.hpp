@@ -19,6 +19,9 @@ namespace weft {
 
 // With a goal, the lengths of lists are the most, and with a relative error so is the rank.
 struct SparseOptions : SparseRequest {
+  // With a size as the goal: the rank is doubled up to this, and as far as memory goes, while the
+  // projection alone makes more than half of the squared error. 0: the rank stays.
+  std::size_t most_rank = 0;
   Storage storage = Storage::f16;
   FitGoal goal;
 };

@@ -26,7 +26,8 @@ constexpr std::array<ParameterSpec, 7> sparse_parameters{{
     {"k1", "", "terms of an ABRDF's lists, 9; with a goal, the most, 32"},
     {"k2", "", "terms of a texel's list, 11; with a goal, the most, 32"},
     {"atoms", "256", "atoms D1[,D2] over lights and of ABRDFs; up to 256 take byte indices"},
-    {"rank", "", "components of the projection before, 300; with --target rel=, the most, 1024"},
+    {"rank", "",
+     "components of the projection before, 300; a goal may take 1024, or as many as this"},
     {"iterations", "30", "of each K-SVD"},
     {"update", "approximate", "of an atom: exact or approximate"},
     {"target", "", target_help},
@@ -135,6 +136,9 @@ class SparseCodec final : public Codec {
       options.texel_terms = longest_lists;
     }
     if (options.goal.kind == FitGoal::Kind::relative) options.rank = highest_rank;
+    if (options.goal.kind == FitGoal::Kind::size && !parameters.contains("rank")) {
+      options.most_rank = highest_rank;
+    }
     const auto count = [&](std::string_view name, std::size_t& value) {
       if (parameters.contains(name)) value = count_parameter(*this, parameters, name, 1);
     };

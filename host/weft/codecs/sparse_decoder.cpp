@@ -98,16 +98,20 @@ class SparseDeviceSampler final : public DeviceSampler {
   SparseDeviceSampler(Device& device, const SparseModel& model)
       : device_(device),
         shape_(model.info.btf.shape),
-        lengths_{model.views.length, model.texels.length} {
+        lengths_{model.light_atoms, model.views.length, model.texels.length} {
     view_atoms_ = upload(device, indices_of(model.views.atoms), "atoms of views");
     view_coefficients_ = upload(device, model.views.coefficients, "coefficients of views");
     texel_atoms_ =
         upload(device, ops::end_lists(indices_of(model.texels.atoms), lengths_.texel_terms),
                "atoms of texels");
-    texel_coefficients_ = upload(device, model.texels.coefficients, "coefficients of texels");
-    dictionary_ =
-        upload(device, ops::pad_channels(model.dictionary, shape_.channels), "dictionary");
-    mean_ = upload(device, ops::pad_channels(model.mean, shape_.channels), "mean");
+    texel_coefficients_ =
+        upload(device, ops::end_lists(model.texels.coefficients, lengths_.texel_terms),
+               "coefficients of texels");
+    dictionary_ = upload(device,
+                         ops::lookup_dictionary(ops::vector_width(device), model.light_atoms,
+                                                shape_.lights, shape_.channels, model.dictionary),
+                         "dictionary");
+    mean_ = upload(device, model.mean, "mean");
   }
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
@@ -167,10 +171,12 @@ std::unique_ptr<DeviceSampler> sparse_sampler(Device& device, const SparseModel&
 
 std::size_t sparse_sampler_bytes(const SparseModel& model) {
   const BtfShape& shape = model.info.btf.shape;
-  const std::size_t rows = model.light_atoms * shape.lights + shape.images();
   return term_bytes(model.views) + term_bytes(model.texels) +
-         shape.texels() * sizeof(std::uint32_t) +
-         rows * ops::sparse_channel_floats(shape.channels) * sizeof(float);
+         shape.texels() * (sizeof(std::uint32_t) + sizeof(float)) +
+         (model.mean.size() + ops::lookup_dictionary_floats(ops::most_sparse_lanes,
+                                                            model.light_atoms, shape.lights,
+                                                            shape.channels)) *
+             sizeof(float);
 }
 
 std::unique_ptr<ReferenceDecoder> sparse_reference_decoder(const SparseModel& model) {

@@ -12,24 +12,30 @@
 
 namespace weft::ops {
 
-// Floats of a row of channels: whole vectors of 4.
-std::size_t sparse_channel_floats(std::size_t channels);
+// Dictionaries of no more atoms are summed into coefficients of their own; see the kernel.
+inline constexpr std::size_t most_summed_atoms = 1024;
 
-// Rows of channels padded so: of the dictionary, [D1 L], and of the mean, [V L].
-std::vector<float> pad_channels(std::span<const float> values, std::size_t channels);
+// The dictionary [D1][L][C] as the kernel reads it: of `atoms` atoms on a device of `width` lanes.
+// More lanes take more.
+std::vector<float> lookup_dictionary(std::size_t width, std::size_t atoms, std::size_t lights,
+                                     std::size_t channels, std::span<const float> dictionary);
+std::size_t lookup_dictionary_floats(std::size_t width, std::size_t atoms, std::size_t lights,
+                                     std::size_t channels);
 
-// The texels' atoms, [P][k2], with the end of each list marked: [P][k2 + 1].
+// The texels' terms, [P][k2], with the end of each list marked: [P][k2 + 1].
 std::vector<std::uint32_t> end_lists(std::span<const std::uint32_t> atoms, std::size_t length);
+std::vector<float> end_lists(std::span<const float> coefficients, std::size_t length);
 
 enum class TexelLists { merged, one_by_one };
 
 struct SparseLengths {
+  std::size_t light_atoms = 0;  // D1
   std::size_t view_terms = 0;   // k1
   std::size_t texel_terms = 0;  // k2
 };
 
-// V: terms [D2][V][k1]; P: terms [P][k2], the atoms by end_lists(); dictionary and mean by
-// pad_channels(). Merged lists interpolate an atom that texels share once.
+// V: terms [D2][V][k1]; P: terms by end_lists(); dictionary by
+// lookup_dictionary(); mean: [V][L][C]. Merged lists take an atom that texels share once.
 void look_up_sparse(Device& device, const LookupBatch& batch, const SparseLengths& lengths,
                     const SparseTerms& V, const SparseTerms& P, const Buffer& dictionary,
                     const Buffer& mean, TexelLists lists = TexelLists::merged);

@@ -96,9 +96,9 @@ std::shared_ptr<Buffer> upload_terms(Device& device, const std::vector<std::uint
 constexpr std::size_t sparse_atoms = 256;
 
 Benchmark sparse(std::size_t k1, std::size_t k2) {
-  const ops::DecodeSparseShape shape{0, 81, 1, 81, 16384, 3, sparse_atoms, sparse_atoms, k1, k2};
+  const ops::DecodeSparseShape shape{0, 64, 1, 64, 16384, 3, sparse_atoms, sparse_atoms, k1, k2};
   const std::size_t count = shape.images * shape.texels * shape.channels;
-  Benchmark benchmark{"decode_sparse", fmt::format("81 x 16384 x 3, k1 {}, k2 {}", k1, k2),
+  Benchmark benchmark{"decode_sparse", fmt::format("64 x 16384 x 3, k1 {}, k2 {}", k1, k2),
                       2.0 * static_cast<double>(shape.images * shape.channels) *
                           static_cast<double>(shape.texels * k2 + shape.abrdf_atoms * k1),
                       4.0 * static_cast<double>(count)};
@@ -189,7 +189,7 @@ Benchmark pca_lookups(std::size_t rank, bool sorted) {
 
 Benchmark sparse_lookups(std::size_t k1, std::size_t k2, ops::TexelLists lists) {
   const BtfShape shape{81, 81, 128, 128, 3};
-  const ops::SparseLengths lengths{k1, k2};
+  const ops::SparseLengths lengths{sparse_atoms, k1, k2};
   Benchmark benchmark{
       "look_up_sparse",
       fmt::format("{} of 4 x 3 x 3 taps, k1 {}, k2 {}, {}", lookup_count, k1, k2,
@@ -198,17 +198,20 @@ Benchmark sparse_lookups(std::size_t k1, std::size_t k2, ops::TexelLists lists) 
           ops::look_up_sparse_flops(filtered, shape.channels, lengths),
       static_cast<double>(lookup_count * (filtered.words() + shape.channels) * 4)};
   benchmark.prepare = [=](Device& device) -> Run {
-    const std::size_t row = ops::sparse_channel_floats(shape.channels);
     const auto records = lookup_buffer(device, shape, false);
     const auto V = upload_terms(device, sparse_terms(sparse_atoms * shape.views, k1, sparse_atoms));
     const auto P =
         upload_terms(device, ops::end_lists(sparse_terms(shape.texels(), k2, sparse_atoms), k2));
     const auto v =
         std::make_shared<Buffer>(random_buffer(device, sparse_atoms * shape.views * k1, "V"));
-    const auto p = std::make_shared<Buffer>(random_buffer(device, shape.texels() * k2, "P"));
-    const auto L =
-        std::make_shared<Buffer>(random_buffer(device, sparse_atoms * shape.lights * row, "L"));
-    const auto mean = std::make_shared<Buffer>(random_buffer(device, shape.images() * row, "mean"));
+    const auto p = std::make_shared<Buffer>(random_buffer(device, shape.texels() * (k2 + 1), "P"));
+    const auto L = std::make_shared<Buffer>(
+        random_buffer(device,
+                      ops::lookup_dictionary_floats(ops::vector_width(device), sparse_atoms,
+                                                    shape.lights, shape.channels),
+                      "L"));
+    const auto mean =
+        std::make_shared<Buffer>(random_buffer(device, shape.images() * shape.channels, "mean"));
     const auto out =
         std::make_shared<Buffer>(device, lookup_count * shape.channels * sizeof(float), "out");
     return [=, &device] {
