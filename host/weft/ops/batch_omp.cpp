@@ -21,8 +21,7 @@ constexpr std::size_t chunk_bytes = std::size_t{4} << 20;  // of correlations: t
 constexpr std::size_t scratch_bytes = std::size_t{64} << 20;  // of all groups
 constexpr std::size_t batch_bytes = std::size_t{16} << 20;
 constexpr std::size_t block_signals = std::size_t{1} << 16;
-constexpr std::size_t cpu_block = 4;
-constexpr std::size_t cpu_side = 2;                // signals of a work-item at the same time
+constexpr std::size_t cpu_side = 3;                // signals of a work-item at the same time
 constexpr std::uint32_t coded_again = 0xFFFFFFFF;  // the counts RECODE and ENDED of the kernel
 
 // signals that a work-item measures
@@ -65,7 +64,11 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
   sizes.items = sizes.tiles
                     ? std::bit_floor(std::clamp<std::size_t>(device.limits().max_work_group, 1, 64))
                     : 1;
-  sizes.A = round_up(atoms, sizes.vector_width * (sizes.tiles ? 1 : cpu_block));
+  // twice the vectors in registers where that pads no further
+  const std::size_t few = 4 * sizes.vector_width;
+  sizes.vectors = sizes.tiles ? 1 : round_up(atoms, 2 * few) == round_up(atoms, few) ? 8 : 4;
+  sizes.A = round_up(atoms, sizes.vector_width * sizes.vectors);
+  sizes.side = sizes.tiles ? 1 : cpu_side;
   sizes.dimension_p = round_up(dimension, sizes.vector_width);
   sizes.steps = std::min({k, atoms, dimension});
   sizes.l_row = round_up(sizes.steps, sizes.vector_width);
@@ -114,7 +117,7 @@ std::vector<BatchOmp::Item> BatchOmp::items_of(const Device& device, std::size_t
   if (sizes.gram) {
     items.push_back({&BatchOmp::gram_, "inner products of atoms", sizes.A * sizes.A});
     items.push_back({&BatchOmp::scratch_, "scratch of sparse coding",
-                     sizes.groups * sizes.group_floats * (sizes.tiles ? 1 : cpu_side)});
+                     sizes.groups * sizes.group_floats * sizes.side});
   }
   for (Item& item : items) item.bytes *= sizeof(float);
   return items;
@@ -146,9 +149,9 @@ cl_kernel BatchOmp::kernel(const char* name) {
       kernel_sources::batch_omp,
       fmt::format("-DVW={} -DITEMS={} -DBLOCK={} -DSIDE={} -DSMALLEST_CORRELATION={:a}f "
                   "-DLEAST_DISTANCE={:a}f -DMOST_DEPENDENT={}",
-                  sizes_.vector_width, sizes_.items, sizes_.tiles ? 1 : cpu_block,
-                  sizes_.tiles ? 1 : cpu_side, PursuitLimits::smallest_correlation,
-                  PursuitLimits::least_distance, PursuitLimits::most_dependent),
+                  sizes_.vector_width, sizes_.items, sizes_.vectors, sizes_.side,
+                  PursuitLimits::smallest_correlation, PursuitLimits::least_distance,
+                  PursuitLimits::most_dependent),
       name);
 }
 
@@ -270,7 +273,7 @@ void BatchOmp::code_chunk(const Chunk& chunk, const ConstMatrix& Y, const Buffer
   launch_items(device_, measure, ceil_div(chunk.count, measured_at_once));
   if (!C) product(chunk.count, rows, correlations_);
 
-  const std::size_t per_group = ceil_div(chunk.count, sizes_.groups);
+  const std::size_t per_group = round_up(ceil_div(chunk.count, sizes_.groups), sizes_.side);
   const cl_kernel pursue = kernel("code_by_gram");
   set_arguments(
       pursue, ulong(chunk.count), ulong(per_group), ulong(atoms_), ulong(sizes_.A),
