@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 
 #include "weft/error.hpp"
@@ -29,7 +30,9 @@ std::size_t granule_of(std::size_t count) {
 
 std::size_t lanes_on(const Device& device, std::size_t lanes) {
   if (lanes > 0) return lanes;
-  return device.limits().is_cpu ? 1 : std::min(gpu_lanes, device.limits().max_work_group);
+  return device.limits().is_cpu
+             ? 1
+             : std::bit_floor(std::min(gpu_lanes, device.limits().max_work_group));
 }
 
 cl_kernel update_kernel(Device& device, std::size_t lanes, bool power, const char* name) {
