@@ -490,6 +490,68 @@ TEST(BatchOmp, DegenerateDictionaries) {
   }
 }
 
+// Two atoms at a small angle, and signals that need both: coefficients are large and of opposite
+// signs, and what they leave is rounding of them.
+TEST(BatchOmp, NearlyCollinearAtoms) {
+  const std::size_t dimension = 12;
+  for (const float angle : {3e-2f, 3e-3f, 3e-4f}) {
+    Problem problem{2, dimension, std::vector<float>(2 * dimension, 0.0f), {}};
+    problem.D[0] = 0.6f;
+    problem.D[1] = 0.8f;
+    problem.D[dimension] = 0.6f - 0.8f * angle;
+    problem.D[dimension + 1] = 0.8f + 0.6f * angle;
+    for (const float side : {0.5f, -0.3f, 0.1f}) {
+      problem.Y.resize(problem.Y.size() + dimension, 0.0f);
+      problem.Y[problem.Y.size() - dimension] = 0.6f - 0.8f * side;
+      problem.Y[problem.Y.size() - dimension + 1] = 0.8f + 0.6f * side;
+    }
+    for (const OmpOptions& options : every_way({2, 0})) {
+      SCOPED_TRACE(text_of(options) + fmt::format(", angle {}", angle));
+      const Codes codes = code(problem, options);
+      for (std::size_t s = 0; s < problem.signals(); ++s) {
+        ASSERT_EQ(codes.counts[s], 2U);
+        double sum = 0;
+        std::vector<double> rest(dimension);
+        for (std::size_t i = 0; i < dimension; ++i) rest[i] = problem.Y[s * dimension + i];
+        for (std::size_t j = 0; j < 2; ++j) {
+          const double x = codes.coefficients[2 * s + j];
+          const std::size_t n = codes.indices[2 * s + j];
+          sum += std::abs(x);
+          for (std::size_t i = 0; i < dimension; ++i) rest[i] -= x * problem.D[n * dimension + i];
+        }
+        EXPECT_LE(norm(rest), gamma(terms_of(problem, 2), float_roundoff) * (1 + sum));
+      }
+      if (options.form == OmpForm::gram && angle < 1e-2f) {
+        EXPECT_EQ(codes.recoded, 3U);
+      }
+    }
+  }
+}
+
+// An atom within 2^-12 of the span of those before is passed over for one that explains less.
+TEST(BatchOmp, PassesDependentAtomsOver) {
+  const std::size_t dimension = 5;
+  Problem problem{3, dimension, std::vector<float>(3 * dimension, 0.0f), {1.0f, 0.5f, 0, 0, 0}};
+  problem.D[0] = 1;
+  problem.D[dimension] = 1;
+  problem.D[dimension + 1] = 1e-4f;
+  problem.D[2 * dimension + 2] = 1;
+  problem.D[2 * dimension + 1] = 1e-5f;
+  // the second explains more at first, by 5e-5
+  for (const std::size_t k : Sizes{2, 3}) {
+    for (const OmpOptions& options : every_way({k, 0})) {
+      SCOPED_TRACE(text_of(options));
+      const Codes codes = code(problem, options);
+      const reference::SparseCodes expected = reference::batch_omp(
+          3, dimension, widened(problem.D), widened(problem.Y), options.target);
+      EXPECT_EQ(codes.counts[0], 2U);
+      EXPECT_EQ(codes.indices[0], 1U);
+      EXPECT_EQ(codes.indices[1], 2U);
+      EXPECT_EQ(codes.indices, expected.indices);
+    }
+  }
+}
+
 // Every atom the same, or nearly: one is chosen, the lowest.
 TEST(BatchOmp, OneAtomManyTimes) {
   Problem problem = random_problem(1, 9, 4, 19);
