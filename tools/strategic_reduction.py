@@ -6,7 +6,7 @@ with 111 eigentextures, as the singular vectors of all images in one mode (`--me
 TensorTextures (`--merge yxc`, views and lights improved by alternating least squares) with as many basis
 textures, 37 x 3, with 31 x 4, and cut in the views instead, 5 x 21. Errors are means over all images.
 
-    /usr/bin/python3 tools/strategic_reduction.py [--weft PROGRAM] [--picture weave.png] [BTF ...]
+    /usr/bin/python3 tools/strategic_reduction.py [--weft PROGRAM] [--picture knit.png] [BTF ...]
 
 The picture, of the first material, shows one image of each model under a slanting light; it needs
 Matplotlib (Debian: python3-matplotlib).
@@ -59,26 +59,26 @@ def draw(path, images):
     import matplotlib.pyplot as plt
 
     plt.rcParams.update({"font.size": 10})
-    figure, axes = plt.subplots(1, len(images), figsize=(2.6 * len(images), 3.1))
+    figure, axes = plt.subplots(1, len(images), figsize=(2.6 * len(images), 2.9))
     for axis, (label, pixels) in zip(axes, images):
         axis.imshow(pixels, interpolation="nearest")
         axis.set_title(label, fontsize=10)
         axis.set_axis_off()
     figure.tight_layout(pad=0.4, w_pad=0.3)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, bbox_inches="tight", pad_inches=0.05)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("btf", nargs="*", help="raw BTFs; none: materials of `weft synth`")
     parser.add_argument("--weft", default="build/release/tools/weft/weft")
-    parser.add_argument("--materials", default="weave,knit,coins", help="to synthesise")
+    parser.add_argument("--materials", default="knit,weave,coins", help="to synthesise")
     parser.add_argument("--size", type=int, default=128, help="texels along a side of materials")
     parser.add_argument("--samples", type=int, default=4, help="rays per texel of materials")
     parser.add_argument("--picture", help="PNG to draw of the first material")
-    parser.add_argument("--view", type=int, default=8, help="of the picture")
-    parser.add_argument("--light", type=int, default=14, help="of the picture")
-    parser.add_argument("--exposure", type=float, default=1, help="of the picture")
+    parser.add_argument("--view", type=int, default=30, help="of the picture")
+    parser.add_argument("--light", type=int, default=16, help="of the picture")
+    parser.add_argument("--exposure", type=float, default=2.5, help="of the picture")
     options = parser.parse_args()
 
     print("| | basis textures | MiB | RMSE | SSIM |")
