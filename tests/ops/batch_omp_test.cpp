@@ -21,6 +21,7 @@
 #include "support/generators.hpp"
 #include "support/guarded_buffer.hpp"
 #include "support/matchers.hpp"
+#include "support/process.hpp"
 #include "support/shared_device.hpp"
 #include "weft/reference/batch_omp.hpp"
 #include "weft/reference/factorise.hpp"
@@ -659,22 +660,69 @@ TEST(BatchOmp, FromCorrelations) {
   }
 }
 
-// A dictionary whose inner products are not kept.
+// Dictionaries whose inner products are not kept.
 TEST(BatchOmp, ManyAtoms) {
-  const Problem problem = random_problem(9000, 10, 40, 29);
   const OmpOptions options{{3, 0}};
-  EXPECT_EQ(code(problem, options).recoded, 0U);
-  EXPECT_GE(expect_pursuits(problem, options), 39U);
+  for (const auto& [atoms, signals] : {std::pair(std::size_t{9000}, std::size_t{40}),
+                                       std::pair(std::size_t{65536}, std::size_t{17})}) {
+    const Problem problem = random_problem(atoms, 10, signals, 29);
+    EXPECT_EQ(code(problem, options).recoded, 0U);
+    EXPECT_GE(expect_pursuits(problem, options), signals - 1);
+  }
   EXPECT_LT(ops::BatchOmp::bytes(shared_device(), 65536, 300, {{16, 0}}), std::size_t{300} << 20);
 }
 
-TEST(BatchOmp, AccountsForItsBuffers) {
-  Device& device = shared_device();
-  for (const OmpOptions& options : every_way({5, 0})) {
-    const std::size_t before = device.allocated();
-    const ops::BatchOmp omp(device, 100, 30, options);
-    EXPECT_LE(device.allocated() - before, ops::BatchOmp::bytes(device, 100, 30, options));
+// Without a single atom that can be chosen, all of every signal is left.
+TEST(BatchOmp, DictionaryOfZeros) {
+  Problem problem = random_problem(70, 9, 5, 31);
+  std::ranges::fill(problem.D, 0.0f);
+  for (const OmpOptions& options : every_way({3, 0})) {
+    EXPECT_EQ(expect_pursuits(problem, options), problem.signals());
+    const Codes codes = code(problem, options);
+    EXPECT_EQ(codes.counts, std::vector<std::uint32_t>(problem.signals(), 0));
   }
+}
+
+// Of what it allocates at once and of what it allocates while it codes.
+TEST(BatchOmp, AccountsForItsBuffers) {
+  const Problem problem = random_problem(100, 30, 300, 33);
+  for (const OmpForm form : {OmpForm::gram, OmpForm::residual}) {
+    for (const ops::Family family : {ops::Family::panels, ops::Family::tiles}) {
+      Device device("auto");
+      const OmpOptions options{{5, 0}, form, family, family};
+      Buffer D(device, problem.D.size() * sizeof(float), "D");
+      Buffer Y(device, problem.Y.size() * sizeof(float), "Y");
+      Buffer indices(device, 300 * 5 * sizeof(std::uint32_t), "indices");
+      Buffer coefficients(device, 300 * 5 * sizeof(float), "coefficients");
+      Buffer counts(device, 300 * sizeof(std::uint32_t), "counts");
+      device.write(D, std::span<const float>(problem.D));
+      device.write(Y, std::span<const float>(problem.Y));
+      const std::size_t before = device.allocated();
+      ops::BatchOmp omp(device, 100, 30, options);
+      omp.set_dictionary({D, 30});
+      omp.code(300, {Y, 30}, {indices, coefficients, counts});
+      EXPECT_LE(device.peak_allocated() - before, ops::BatchOmp::bytes(device, 100, 30, options));
+    }
+  }
+}
+
+// A stop asked for concerns the whole process, so it has its own.
+TEST(BatchOmp, DISABLED_InAProcessThatIsStopped) {
+  Device& device = shared_device();
+  Buffer values(device, 400 * sizeof(float), "values");
+  ops::BatchOmp omp(device, 4, 3, {{2, 0}});
+  omp.set_dictionary({values, 3});
+  request_interrupt();
+  expect_error(ErrorKind::interrupted, {"interrupted"}, [&] {
+    omp.code(4, {values, 3}, {values, values, values});
+  });
+}
+
+TEST(BatchOmp, AStopAskedForEndsTheCoding) {
+  const ProcessResult result = run_process({"/proc/self/exe", "--gtest_also_run_disabled_tests",
+                                            "--gtest_filter=BatchOmp.DISABLED_InAProcess*"});
+  EXPECT_EQ(result.status, 0) << result.out << result.err;
+  EXPECT_NE(result.out.find("[  PASSED  ] 1 test."), std::string::npos) << result.out;
 }
 
 TEST(BatchOmp, RefusesWhatDoesNotFit) {

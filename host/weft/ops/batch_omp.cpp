@@ -236,6 +236,7 @@ void BatchOmp::code_blocks(std::size_t signals, const ConstMatrix& Y, const Buff
   std::vector<std::uint32_t> counts;
   std::vector<std::uint32_t> list;
   for (std::size_t first = 0; first < signals; first += sizes_.block) {
+    check_interrupt();
     const std::size_t count = std::min(sizes_.block, signals - first);
     const ConstMatrix rows{Y.buffer, Y.leading, Y.offset + first * Y.leading};
     OmpCodes block = codes;
@@ -257,6 +258,7 @@ void BatchOmp::code_blocks(std::size_t signals, const ConstMatrix& Y, const Buff
       std::iota(list.begin(), list.end(), 0U);
     }
     for (std::size_t b = 0; b < list.size(); b += sizes_.batch) {
+      check_interrupt();
       const std::size_t size = std::min(sizes_.batch, list.size() - b);
       code_batch(std::span<const std::uint32_t>(list).subspan(b, size), rows, block);
     }
