@@ -354,6 +354,8 @@ TEST(KsvdUpdate, UsesAreSortedByAtomThenSignal) {
                                             std::vector<float>{1, 2, 3, 0, -1, 5});
   EXPECT_TRUE(all_equal(uses.first, std::vector<std::size_t>{0, 3, 3, 5, 5}));
   EXPECT_TRUE(all_equal(uses.entries, std::vector<std::uint32_t>{1, 2, 5, 0, 4}));
+  EXPECT_TRUE(
+      all_equal(ops::atom_uses({0, 16, 2, 2}, {}, {}).first, std::vector<std::size_t>(3, 0)));
   const ops::CodeShape large{std::size_t{1} << 31, 16, 4, 2};
   expect_error(ErrorKind::input, {"2147483648"}, [&] { ops::atom_uses(large, {}, {}); });
 }

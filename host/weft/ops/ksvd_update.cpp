@@ -52,7 +52,7 @@ void launch_groups(Device& device, cl_kernel kernel, std::size_t groups, std::si
 
 AtomUses atom_uses(const CodeShape& shape, std::span<const std::uint32_t> indices,
                    std::span<const float> coefficients) {
-  if (shape.k > std::numeric_limits<std::uint32_t>::max() / shape.signals) {
+  if (shape.signals > 0 && shape.k > std::numeric_limits<std::uint32_t>::max() / shape.signals) {
     fail_input("{} signals of {} atoms each are more than are updated at once", shape.signals,
                shape.k);
   }
