@@ -382,6 +382,10 @@ TEST(Ksvd, RefusesWhatCanNotBe) {
   expect_error(ErrorKind::input, {"39 values", "4 x 10"}, [&] {
     reference::ksvd(10, std::vector<double>(100, 1.0), given, std::vector<double>(39, 1.0));
   });
+  std::vector<float> infinite(40, 1.0f);
+  infinite[23] = std::numeric_limits<float>::infinity();
+  expect_error(ErrorKind::input, {"dictionary", "inf", "atom 2", "dimension 3"},
+               [&] { fit_on_device(10, Y, given, infinite); });
   KsvdOptions tolerance = options;
   tolerance.tolerance = std::numeric_limits<double>::quiet_NaN();
   expect_error(ErrorKind::input, {"tolerance"}, [&] { fit_on_device(10, Y, tolerance); });

@@ -32,8 +32,9 @@ struct KsvdSignals {
 // that lists |Y - X D| / |Y| of all iterations. The same bits for the same signals, options and
 // device.
 //
-// Throws input errors: sizes of 0, a `given` dictionary of another size, a NaN or infinity, which
-// the message locates, or more memory than the job has (a smaller batch takes less).
+// Throws input errors: sizes of 0, a `given` dictionary of another size, a NaN or infinity in it or
+// in the signals, which the message locates, or more memory than the job has (a smaller batch takes
+// less).
 KsvdFit<float> ksvd(Device& device, const KsvdSignals& signals, const KsvdOptions& options,
                     std::span<const float> given, Job& job, const std::string& name = "K-SVD");
 

@@ -65,6 +65,12 @@ void check_ksvd(std::size_t signals, std::size_t dimension, const KsvdOptions& o
 std::vector<double> initial_atoms(const SignalReader& signals, const KsvdOptions& options,
                                   std::span<const double> given) {
   const std::size_t n = signals.dimension;
+  for (std::size_t i = 0; options.start == KsvdStart::given && i < given.size(); ++i) {
+    if (!std::isfinite(given[i])) {
+      fail_input("K-SVD starts from a dictionary whose atom {} has {} in dimension {}", i / n,
+                 given[i], i % n);
+    }
+  }
   std::vector<double> dictionary(options.atoms * n);
   // the atoms share the signals out between them; each takes one of its part
   const std::size_t parts = std::min(options.atoms, signals.signals);

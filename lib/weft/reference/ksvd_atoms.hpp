@@ -27,7 +27,8 @@ void check_ksvd(std::size_t signals, std::size_t dimension, const KsvdOptions& o
                 std::size_t given_values);
 
 // The dictionary that options.start asks for, [atoms][dimension], unit atoms. Signals of norm zero
-// are passed over; where there are not enough others, atoms are random.
+// are passed over; where there are not enough others, atoms are random. Throws an input error that
+// locates a NaN or infinity of `given`.
 std::vector<double> initial_atoms(const SignalReader& signals, const KsvdOptions& options,
                                   std::span<const double> given);
 
