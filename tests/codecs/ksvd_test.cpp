@@ -422,6 +422,23 @@ TEST(Ksvd, KeepsToItsMemory) {
                [&] { ksvd(device, KsvdSignals::of(n, Y), options, {}, job); });
 }
 
+// Of all signals only the codes are held, on the host: what the device allocates at once bounds a
+// batch and not their number.
+TEST(Ksvd, PlansMoreSignalsThanTheDeviceHolds) {
+  Device& device = shared_device();
+  KsvdOptions options = options_of(16, 8, 1);
+  const std::size_t largest = device.limits().largest_allocation;
+  const std::size_t signals = largest / (options.sparsity * sizeof(float)) + 1;
+  options.batch = 1000;
+  EXPECT_GT(ksvd_plan(device, signals, 4, options).total(), largest);
+  options.batch = 0;
+  expect_error(ErrorKind::input, {std::to_string(signals), "in one piece"},
+               [&] { ksvd_plan(device, signals, 4, options); });
+  options.batch = 1000;
+  expect_error(ErrorKind::input, {"72057594037927936 signals of 8 atoms"},
+               [&] { ksvd_plan(device, std::size_t{1} << 56, 4, options); });
+}
+
 TEST(Ksvd, TellsWhatItDid) {
   const std::vector<float> Y = random_floats(400, 35, -1, 1);
   Job job;

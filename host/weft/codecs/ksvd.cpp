@@ -21,6 +21,8 @@ namespace {
 constexpr std::size_t staged_values = std::size_t{1} << 20;  // read from the source at once
 constexpr std::size_t compared_atoms = 512;                  // rows of a block of inner products
 
+constexpr double most_entries = 0x1p56;  // of all codes: their bytes are counted
+
 // An error below this part of |Y|^2 is what float arithmetic leaves.
 constexpr double rounding = 0x1p-42;
 
@@ -377,16 +379,20 @@ MemoryPlan ksvd_plan(const Device& device, std::size_t signals, std::size_t dime
                      const KsvdOptions& options) {
   const std::size_t leading = leading_of(dimension);
   const std::size_t batch = batch_of(signals, options);
-  // the largest piece, in double, which no size overflows
-  const double rows = static_cast<double>(leading) * sizeof(float) *
-                      static_cast<double>(std::max(batch, options.atoms));
-  const double codes =
-      static_cast<double>(signals) * static_cast<double>(options.sparsity) * sizeof(float);
+  // sizes in double, which none overflows: the largest pieces on the device, and all codes
+  const auto signals_at_once = static_cast<double>(batch);
   const auto limit = static_cast<double>(device.limits().largest_allocation);
+  const double rows = static_cast<double>(leading) * sizeof(float) *
+                      std::max(signals_at_once, static_cast<double>(options.atoms));
+  const double codes = signals_at_once * static_cast<double>(options.sparsity) * sizeof(float);
   if (std::max(rows, codes) > limit) {
     fail_input(
         "K-SVD of {} signals at once takes {:.0f} bytes in one piece, {} gives at most {:.0f}",
         batch, std::max(rows, codes), device.limits().name, limit);
+  }
+  if (static_cast<double>(signals) * static_cast<double>(options.sparsity) > most_entries) {
+    fail_input("K-SVD of {} signals of {} atoms each: more than are counted", signals,
+               options.sparsity);
   }
   const std::size_t entry = sizeof(std::uint32_t) + sizeof(float);
   const std::size_t k = options.sparsity;
