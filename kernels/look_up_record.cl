@@ -7,6 +7,7 @@
 // LIGHTS    1 or 3 lights
 // CHANNELS  C
 // LOOKUPS   look-ups that a work-item does, one behind the other
+// ORDERED   1: they are taken in the order of order_lookups.cl
 #ifndef TEXELS
 #define TEXELS 1
 #endif
@@ -23,11 +24,20 @@
 #define LOOKUPS 64
 #endif
 
+#ifndef ORDERED
+#define ORDERED 0
+#endif
+
 #define TAPS (TEXELS + VIEWS + LIGHTS)
 #define TEXEL_WEIGHTS (TEXELS > 1 ? TEXELS : 0)
 #define VIEW_WEIGHTS (VIEWS > 1 ? VIEWS : 0)
 #define LIGHT_WEIGHTS (LIGHTS > 1 ? LIGHTS : 0)
 #define WORDS (TAPS + TEXEL_WEIGHTS + VIEW_WEIGHTS + LIGHT_WEIGHTS)
+
+// The number of a look-up that is the `at`-th.
+inline ulong lookup_at(ulong first, ulong at, __global const uint* order) {
+  return ORDERED ? first + order[at] : at;
+}
 
 inline uint texel_of(__global const uint* record, uint tap) { return record[tap]; }
 inline uint view_of(__global const uint* record, uint tap) { return record[TEXELS + tap]; }

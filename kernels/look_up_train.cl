@@ -14,8 +14,8 @@
 //
 //   out: [count][CHANNELS]
 //
-// A work-item does LOOKUPS look-ups one behind the other, and keeps u or w while what it is made of
-// stays: sorted look-ups are faster, and have the same bits. Work-item (block of LOOKUPS look-ups).
+// A work-item does LOOKUPS look-ups one behind the other, and keeps u with its products u G_c, or
+// w, while what it is made of stays: sorted look-ups are faster, and have the same bits. Work-item (block of LOOKUPS look-ups).
 // Macros: look_up_record.cl, and
 //
 // LONGEST  the longest vector, a multiple of 8
@@ -140,11 +140,12 @@ inline bool agree(__global const uint* one, __global const uint* other, uint gro
 // left, right: ranks of the channels' core; width: X; channel_core: its offset. left_groups,
 // right_groups: what the sides take, 1 texels, 2 views, 4 lights.
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void look_up_train(ulong count, ulong width, uint left_steps, uint right_steps,
+__kernel void look_up_train(ulong count, ulong first_lookup, ulong width, uint left_steps, uint right_steps,
                             uint left_groups, uint right_groups, ulong left, ulong right,
                             ulong channel_core,
                             __global const ulong* restrict steps,
                             __global const float* restrict cores,
+                            __global const uint* restrict order,
                             __global const uint* restrict lookups, __global float* restrict out) {
   const ulong begin = get_global_id(0) * LOOKUPS;
   const ulong end = min(begin + LOOKUPS, count);
@@ -154,42 +155,33 @@ __kernel void look_up_train(ulong count, ulong width, uint left_steps, uint righ
   const uint left_taps = ((left_groups & 1) ^ split) ? TEXELS : 1;
   const uint right_taps = ((right_groups & 1) ^ split) ? TEXELS : 1;
   float u[LONGEST], w[LONGEST];
+  float products[CHANNELS][LONGEST];  // u G_c
   for (uint k = 0; k < LONGEST; ++k) u[k] = 0.0f, w[k] = 0.0f;
+  __global const uint* before = lookups;
   for (ulong i = begin; i < end; ++i) {
-    __global const uint* record = lookups + i * WORDS;
+    const ulong at = lookup_at(first_lookup, i, order);
+    __global const uint* record = lookups + at * WORDS;
     float values[CHANNELS];
     for (uint c = 0; c < CHANNELS; ++c) values[c] = 0.0f;
     for (uint t = 0; t < (split ? TEXELS : 1); ++t) {
       const bool again = !split && i > begin;
-      if (!(again && agree(record, record - WORDS, left_groups))) {
+      if (!(again && agree(record, before, left_groups))) {
         side(steps, left_steps, cores, record, t, left_taps, width, left8, u);
+        for (uint c = 0; c < CHANNELS; ++c) {
+          multiply(u, left, cores + channel_core + c * left * right8 * 8, right8, 1.0f, false,
+                   products[c]);
+        }
       }
-      if (!(again && agree(record, record - WORDS, right_groups))) {
+      if (!(again && agree(record, before, right_groups))) {
         side(steps + 4 * left_steps, right_steps, cores, record, t, right_taps, width, right8, w);
       }
       for (uint c = 0; c < CHANNELS; ++c) {
-        __global const float* core = cores + channel_core + c * left * right8 * 8;
         float8 sum = 0;
-        ulong k = 0;
-        for (; k + 4 <= right8; k += 4) {
-          float8 x = 0, y = 0, z = 0, v = 0;
-          __global const float* row = core + k * 8;
-          for (ulong a = 0; a < left; ++a, row += right8 * 8) {
-            const float8 f = u[a];
-            x = fma(f, vload8(0, row), x);
-            y = fma(f, vload8(1, row), y);
-            z = fma(f, vload8(2, row), z);
-            v = fma(f, vload8(3, row), v);
-          }
-          sum = fma(x, vload8(k, w), sum);
-          sum = fma(y, vload8(k + 1, w), sum);
-          sum = fma(z, vload8(k + 2, w), sum);
-          sum = fma(v, vload8(k + 3, w), sum);
-        }
-        for (; k < right8; ++k) sum = fma(column(u, left, core, right8, k), vload8(k, w), sum);
+        for (ulong k = 0; k < right8; ++k) sum = fma(vload8(k, products[c]), vload8(k, w), sum);
         values[c] += (split ? texel_weight(record, t) : 1.0f) * sum8(sum);
       }
     }
-    for (uint c = 0; c < CHANNELS; ++c) out[i * CHANNELS + c] = values[c];
+    for (uint c = 0; c < CHANNELS; ++c) out[at * CHANNELS + c] = values[c];
+    before = record;
   }
 }

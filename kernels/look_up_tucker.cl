@@ -35,12 +35,14 @@
 #define V8 ((RANK_V + 7) / 8)
 
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void look_up_tucker(ulong count, ulong lights, ulong l8,
+__kernel void look_up_tucker(ulong count, ulong lights, ulong l8, ulong first_lookup,
+                             __global const uint* restrict order,
                              __global const uint* restrict lookups,
                              __global const float* restrict V, __global const float* restrict L,
                              __global const float* restrict T, __global float* restrict out) {
   const ulong end = min((get_global_id(0) + 1) * LOOKUPS, count);
-  for (ulong at = get_global_id(0) * LOOKUPS; at < end; ++at) {
+  for (ulong i = get_global_id(0) * LOOKUPS; i < end; ++i) {
+    const ulong at = lookup_at(first_lookup, i, order);
     __global const uint* record = lookups + at * WORDS;
     // the row of views
     float v[RANK_V];

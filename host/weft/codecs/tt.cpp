@@ -13,6 +13,7 @@
 #include "weft/codecs/tt_goal.hpp"
 #include "weft/error.hpp"
 #include "weft/ops/look_up_train.hpp"
+#include "weft/ops/order_lookups.hpp"
 #include "weft/reference/tt.hpp"
 
 namespace weft {
@@ -28,12 +29,15 @@ class TtDeviceSampler final : public DeviceSampler {
       : device_(device),
         shape_(model.info.btf.shape),
         operations_(static_cast<double>(model.texel_operations())),
-        cores_(device, model) {}
+        cores_(device, model),
+        order_(device, shape_.texels()) {}
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
                Buffer& out) override {
     validate(lookup, shape_);
-    ops::look_up_train(device_, {lookup, shape_, count, lookups, out}, cores_);
+    order_.for_each({lookup, shape_, count, lookups, out}, [&](const ops::LookupBatch& batch) {
+      ops::look_up_train(device_, batch, cores_);
+    });
   }
 
   double lookup_flops(const LookupShape& lookup) const override {
@@ -46,6 +50,7 @@ class TtDeviceSampler final : public DeviceSampler {
   BtfShape shape_;
   double operations_;
   ops::TrainCores cores_;
+  ops::TexelOrder order_;
 };
 
 class TtReferenceDecoder final : public ReferenceDecoder {
@@ -165,7 +170,8 @@ class TtCodec final : public Codec {
     return std::make_unique<TtDeviceSampler>(device, as_tt(model));
   }
   std::size_t sampler_bytes(const Model& model) const override {
-    return ops::TrainCores::bytes(as_tt(model));
+    return ops::TrainCores::bytes(as_tt(model)) +
+           ops::TexelOrder::most_bytes(model.info.btf.shape.texels());
   }
   std::unique_ptr<Model> next_mip_level(const Model& model) const override {
     return as_tt(model).next_mip_level();

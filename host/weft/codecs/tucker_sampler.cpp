@@ -4,6 +4,7 @@
 
 #include "weft/codecs/texel_factors.hpp"
 #include "weft/ops/look_up_tucker.hpp"
+#include "weft/ops/order_lookups.hpp"
 #include "weft/reference/mode_product.hpp"
 
 namespace weft {
@@ -25,7 +26,10 @@ Buffer row_buffer(Device& device, const std::vector<float>& factor, std::size_t 
 class TuckerDeviceSampler final : public DeviceSampler {
  public:
   TuckerDeviceSampler(Device& device, const TuckerModel& model)
-      : device_(device), shape_(model.info.btf.shape), core_(model) {
+      : device_(device),
+        shape_(model.info.btf.shape),
+        core_(model),
+        order_(device, shape_.texels()) {
     const std::vector<ModeGroup>& groups = model.groups.groups();
     if (core_.views_alone) {
       views_ = row_buffer(device, model.factors[0], shape_.views, core_.views, "rows of views");
@@ -75,9 +79,11 @@ class TuckerDeviceSampler final : public DeviceSampler {
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
                Buffer& out) override {
     validate(lookup, shape_);
-    ops::look_up_tucker(device_, {lookup, shape_, count, lookups, out},
-                        {core_.views, core_.lights, !core_.views_alone, core_.light_channels > 1},
-                        views_, lights_, table_);
+    order_.for_each({lookup, shape_, count, lookups, out}, [&](const ops::LookupBatch& batch) {
+      ops::look_up_tucker(device_, batch,
+                          {core_.views, core_.lights, !core_.views_alone, core_.light_channels > 1},
+                          views_, lights_, table_);
+    });
   }
 
   double lookup_flops(const LookupShape& lookup) const override {
@@ -93,13 +99,15 @@ class TuckerDeviceSampler final : public DeviceSampler {
     const std::size_t table = ops::row_floats(image * core.views, core.lights, "core by texels");
     return (ops::row_floats(shape.views, core.views, "rows of views") +
             ops::row_floats(light_rows, core.lights, "rows of lights") + 2 * table) *
-           sizeof(float);
+               sizeof(float) +
+           ops::TexelOrder::most_bytes(shape.texels());
   }
 
  private:
   Device& device_;
   BtfShape shape_;
   TuckerCore core_;
+  ops::TexelOrder order_;
   Buffer views_;   // [V][R_view], padded rows
   Buffer lights_;  // [L or V L][channels][R_light], padded rows
   Buffer table_;   // [P][C][R_view][R_light], padded rows

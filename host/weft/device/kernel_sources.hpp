@@ -22,6 +22,7 @@ extern const KernelSource gram;
 extern const KernelSource ksvd_update;
 extern const KernelSource look_up_factors;
 extern const KernelSource look_up_train;
+extern const KernelSource order_lookups;
 extern const KernelSource pack_mode;
 extern const KernelSource look_up_raw;
 extern const KernelSource look_up_sparse;

@@ -25,13 +25,16 @@ void pad_rows(std::size_t rows, std::size_t rank, const RowValue& value, std::sp
 void write_rows(Device& device, std::size_t rows, std::size_t rank, const RowValue& value,
                 Buffer& to);
 
-// `count` records of `lookup` into out, [count][C] floats, of a BTF of `shape`.
+// `count` records of `lookup` into out, [count][C] floats, of a BTF of `shape`; with an order (see
+// order_lookups.hpp) those records from `first` on, in that order, into the values from `first` on.
 struct LookupBatch {
   LookupShape lookup;
   BtfShape shape;
   std::size_t count = 0;
   const Buffer& lookups;
   Buffer& out;
+  std::size_t first = 0;
+  const Buffer* order = nullptr;
 };
 
 // A: [P] rows, B: [V L C] rows, mean: [V L C].

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "weft/ops/launch.hpp"
+#include "weft/ops/order_lookups.hpp"
 
 namespace weft::ops {
 namespace {
@@ -97,16 +98,16 @@ std::size_t TrainCores::bytes(const TtModel& model) {
 
 void look_up_train(Device& device, const LookupBatch& batch, const TrainCores& cores) {
   const std::string options =
-      fmt::format("{} -DLONGEST={}", lookup_options(device, batch.lookup, batch.shape.channels),
-                  cores.longest_);
+      fmt::format("{} {} -DLONGEST={}", lookup_options(device, batch.lookup, batch.shape.channels),
+                  order_option(batch), cores.longest_);
   const cl_kernel kernel = device.kernel(kernel_sources::look_up_train, options, "look_up_train");
-  set_arguments(kernel, ulong(batch.count), ulong(batch.shape.width),
+  set_arguments(kernel, ulong(batch.count), ulong(batch.first), ulong(batch.shape.width),
                 static_cast<std::uint32_t>(cores.left_steps_),
                 static_cast<std::uint32_t>(cores.right_steps_),
                 static_cast<std::uint32_t>(cores.left_groups_),
                 static_cast<std::uint32_t>(cores.right_groups_), ulong(cores.left_rank_),
                 ulong(cores.right_rank_), ulong(cores.channel_core_), cores.steps_, cores.cores_,
-                batch.lookups, batch.out);
+                order_argument(batch), batch.lookups, batch.out);
   launch_items(device, kernel, ceil_div(batch.count, lookup_block(device)));
 }
 
