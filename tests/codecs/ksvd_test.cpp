@@ -386,6 +386,10 @@ TEST(Ksvd, RefusesWhatCanNotBe) {
   infinite[23] = std::numeric_limits<float>::infinity();
   expect_error(ErrorKind::input, {"dictionary", "inf", "atom 2", "dimension 3"},
                [&] { fit_on_device(10, Y, given, infinite); });
+  expect_error(ErrorKind::input, {"100 values", "rows of 0"},
+               [&] { reference::ksvd(0, std::vector<double>(100, 1.0), options); });
+  expect_error(ErrorKind::input, {"100 values", "rows of 7"},
+               [&] { reference::ksvd(7, std::vector<double>(100, 1.0), options); });
   KsvdOptions tolerance = options;
   tolerance.tolerance = std::numeric_limits<double>::quiet_NaN();
   expect_error(ErrorKind::input, {"tolerance"}, [&] { fit_on_device(10, Y, tolerance); });

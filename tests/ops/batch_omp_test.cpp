@@ -683,6 +683,17 @@ TEST(BatchOmp, DictionaryOfZeros) {
   }
 }
 
+// What is left of a signal is large and orthogonal to all atoms, which do not depend on each other:
+// none of them is chosen for a coefficient of zero.
+TEST(BatchOmp, EndsWhereNoAtomImproves) {
+  Problem problem{3, 5, {2, 0, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, 3, 0, 0}, {}};
+  problem.Y = {5, 0, 0, 1, 0, 0, 4, 0, 0, -2, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1};
+  for (const OmpOptions& options : every_way({3, 0})) {
+    EXPECT_EQ(expect_pursuits(problem, options), problem.signals());
+    EXPECT_EQ(code(problem, options).counts, (std::vector<std::uint32_t>{1, 1, 0, 3}));
+  }
+}
+
 // Of what it allocates at once and of what it allocates while it codes.
 TEST(BatchOmp, AccountsForItsBuffers) {
   const Problem problem = random_problem(100, 30, 300, 33);

@@ -180,8 +180,10 @@ void update_atoms(std::size_t dimension, std::size_t k, KsvdUpdate update,
 KsvdFit<double> ksvd(std::size_t dimension, std::span<const double> signals,
                      const KsvdOptions& options, std::span<const double> given) {
   const std::size_t n = dimension;
-  check_ksvd(n == 0 ? 0 : signals.size() / n, n, options, given.size());
-  if (signals.size() % n != 0) fail_input("K-SVD of {} values in rows of {}", signals.size(), n);
+  if (n == 0 || signals.size() % n != 0) {
+    fail_input("K-SVD of {} values in rows of {}", signals.size(), n);
+  }
+  check_ksvd(signals.size() / n, n, options, given.size());
   const double scale = scale_of(signals);
   std::vector<double> Y(signals.begin(), signals.end());
   for (double& value : Y) value *= scale;
