@@ -113,7 +113,11 @@ class SparseFitter {
  private:
   // Mean, Y = U Sigma and W.
   void project() {
+    // nothing of a projection of lower rank is held meanwhile
     job_.held.resize(held_);
+    for (std::vector<float>* values : {&Y_, &W_, &B_}) *values = std::vector<float>();
+    texels_ = KsvdFit<float>();
+    views_ = KsvdFit<float>();
     TruncatedSvd svd = truncated_svd(device_, source_, svd_options(options_), job_);
     job_.notes.push_back(fmt::format("projection: svd {}, {} passes over the data, rank {}: {}",
                                      name_of(svd.method), svd.passes, svd.rank, svd.reason));
@@ -429,6 +433,7 @@ MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& 
     plan.add("projected texels", sizes.texels * sizes.rank * sizeof(float));
     plan.add("basis of the projection", sizes.row * sizes.rank * sizeof(float));
     plan.add("ABRDFs", sizes.abrdf_atoms * sizes.row * sizeof(float));
+    plan.add("dictionary of texels", sizes.abrdf_atoms * sizes.rank * sizeof(float));
     return plan;
   };
   const std::size_t codes = 2 * (sizeof(std::uint32_t) + sizeof(double));
@@ -439,6 +444,7 @@ MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& 
   MemoryPlan back;
   const std::size_t run = std::min(sizes.row, basis_bytes / (sizes.rank * sizeof(float)) + 1);
   back.add("block of the basis", run * (sizes.rank + 2 * sizes.abrdf_atoms) * sizeof(float));
+  back.add("atoms of texels", 2 * sizes.abrdf_atoms * sizes.rank * sizeof(float));
   back.add("product", ops::product_bytes(device, run, sizes.rank));
   back = held(back);
   MemoryPlan views =
