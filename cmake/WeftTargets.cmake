@@ -30,12 +30,13 @@ endfunction()
 # Kernel files that others include.
 set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/encoding.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/group_largest.cl
                          ${PROJECT_SOURCE_DIR}/kernels/look_up_record.cl
                          ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/surface_march.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
-                         ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl
-                         ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
-                         ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl)
+                         ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl)
 
 # Embeds OpenCL C files: weft_embed_kernels(TARGET STEM ...): kernels/STEM.cl becomes
 # kernel_sources::STEM.
