@@ -213,6 +213,9 @@ TEST(SparseGoal, UnmetOnesSayWhatWasReached) {
         {{"atoms", "8"}, {"k1", "1"}, {"k2", "1"}, {"iterations", "2"}, {"target", "rel=0.1"}},
         *source);
   });
+  expect_error(ErrorKind::unmet_goal, {"--target rel=0.02: ", "2 components", "--rank"}, [&] {
+    reached_with({{"rank", "2"}, {"target", "rel=0.02"}}, *source);
+  });
   const CodecRun reference{"sparse", false};
   expect_error(ErrorKind::input, {"--target ratio=10", "reference"}, [&] {
     reference.encode(*source, {{"target", "ratio=10"}}, Storage::f16);

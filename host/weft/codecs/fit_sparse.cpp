@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -111,6 +112,20 @@ class SparseFitter {
   }
 
  private:
+  TruncatedSvd projection() {
+    try {
+      return truncated_svd(device_, source_, svd_options(options_), job_);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::unmet_goal || !options_.goal) throw;
+      // "--tolerance E: what was reached", but nobody asked for E
+      const std::string_view text = error.what();
+      const std::size_t colon = text.find(": ");
+      fail(ErrorKind::unmet_goal, "--target {}: half of that, {:g}, is left to the projection; {}",
+           options_.goal.text, projection_share * options_.goal.relative,
+           colon == std::string_view::npos ? text : text.substr(colon + 2));
+    }
+  }
+
   // Mean, Y = U Sigma and W.
   void project() {
     // nothing of a projection of lower rank is held meanwhile
@@ -118,7 +133,7 @@ class SparseFitter {
     for (std::vector<float>* values : {&Y_, &W_, &B_}) *values = std::vector<float>();
     texels_ = KsvdFit<float>();
     views_ = KsvdFit<float>();
-    TruncatedSvd svd = truncated_svd(device_, source_, svd_options(options_), job_);
+    TruncatedSvd svd = projection();
     job_.notes.push_back(fmt::format("projection: svd {}, {} passes over the data, rank {}: {}",
                                      name_of(svd.method), svd.passes, svd.rank, svd.reason));
     mean_ = std::move(svd.mean);
