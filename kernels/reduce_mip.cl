@@ -36,13 +36,25 @@ __kernel void reduce_mip(ulong height, ulong width, ulong first_in, ulong first_
   __global const raw_t* above = in + ((first_in + image) * height + 2 * y) * width * CHANNELS;
   __global raw_t* row = out + ((first_out + image) * rows + y) * columns * CHANNELS;
   const ulong below = 2 * y + 1 < height ? width * CHANNELS : 0;  // the same row once more
-  for (ulong x = 0; x < columns; ++x) {
-    const ulong right = 2 * x + 1 < width ? CHANNELS : 0;
-    for (uint c = 0; c < CHANNELS; ++c) {
-      __global const raw_t* p = above + 2 * x * CHANNELS + c;
-      const float sum = (to_linear(tile_load(p)) + to_linear(tile_load(p + right))) +
-                        (to_linear(tile_load(p + below)) + to_linear(tile_load(p + below + right)));
-      raw_store(from_linear(0.25f * sum), row + x * CHANNELS + c);
+  // Eight values of the row at a time: powers of vectors take a fraction of those of scalars.
+  const ulong values = columns * CHANNELS;
+  for (ulong first = 0; first < values; first += 8) {
+    const uint count = (uint)min((ulong)8, values - first);
+    float corners[4][8];
+    for (uint lane = 0; lane < 8; ++lane) {
+      const ulong i = first + min(lane, count - 1);
+      const ulong x = i / CHANNELS;
+      const ulong right = 2 * x + 1 < width ? CHANNELS : 0;
+      __global const raw_t* p = above + i + x * CHANNELS;  // 2 x C + c
+      corners[0][lane] = tile_load(p);
+      corners[1][lane] = tile_load(p + right);
+      corners[2][lane] = tile_load(p + below);
+      corners[3][lane] = tile_load(p + below + right);
     }
+    const float8 sum = (to_linear8(vload8(0, corners[0])) + to_linear8(vload8(0, corners[1]))) +
+                       (to_linear8(vload8(0, corners[2])) + to_linear8(vload8(0, corners[3])));
+    float means[8];
+    vstore8(from_linear8(0.25f * sum), 0, means);
+    for (uint lane = 0; lane < count; ++lane) raw_store(means[lane], row + first + lane);
   }
 }
