@@ -216,6 +216,12 @@ TEST(SparseGoal, UnmetOnesSayWhatWasReached) {
   expect_error(ErrorKind::unmet_goal, {"--target rel=0.02: ", "2 components", "--rank"}, [&] {
     reached_with({{"rank", "2"}, {"target", "rel=0.02"}}, *source);
   });
+  const auto flat =
+      source_of({2, 3, 4, 5, 3}, DType::f32, std::vector<double>(2 * 3 * 20 * 3, 0.5));
+  expect_error(ErrorKind::unmet_goal, {"--target size=100", "mean", "100 are allowed"}, [&] {
+    reached_with({{"target", "size=100"}}, *flat);
+  });
+  EXPECT_EQ(reached_with({{"target", "size=10000"}}, *flat), 0);
   const CodecRun reference{"sparse", false};
   expect_error(ErrorKind::input, {"--target ratio=10", "reference"}, [&] {
     reference.encode(*source, {{"target", "ratio=10"}}, Storage::f16);

@@ -104,7 +104,7 @@ class SparseFitter {
   SparseFit fit() {
     const WithinPlan within(job_);
     project();
-    if (rank_ == 0) return finish();
+    if (rank_ == 0) return fit_mean();
     if (options_.goal.kind == FitGoal::Kind::size) return fit_size();
     if (options_.goal.kind == FitGoal::Kind::relative) return fit_relative();
     decompose(options_.view_terms, options_.texel_terms, options_.iterations, false);
@@ -270,6 +270,18 @@ class SparseFitter {
   }
 
   SparseFit finish() const { return {model(), rank_, errors(texels_.objective, views_.objective)}; }
+
+  // Data that is its mean: there is nothing to choose.
+  SparseFit fit_mean() const {
+    SparseFit fit = finish();
+    const FitGoal& goal = options_.goal;
+    const std::size_t bytes = model_file_size(*fit.model);
+    if (goal.kind == FitGoal::Kind::size && bytes > goal.bytes) {
+      fail(ErrorKind::unmet_goal, "--target {}: the mean alone takes {} bytes, {} are allowed",
+           goal.text, bytes, goal.bytes);
+    }
+    return fit;
+  }
 
   std::size_t real_bytes() const { return options_.storage == Storage::f16 ? 2 : 4; }
   // Of a term of lists of so many atoms.
