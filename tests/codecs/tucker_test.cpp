@@ -230,6 +230,24 @@ TEST_P(Tucker, BadRequestsAreNamed) {
   expect_error(ErrorKind::unmet_goal, {"--target rel=1e-8"}, [&] {
     encode(*source, {{"target", "rel=1e-8"}});
   });
+  // ranks that do not reach the goal
+  expect_error(ErrorKind::unmet_goal, {"--target rel=0.1", "v=2,x=3"}, [&] {
+    encode(*source, {{"target", "rel=0.1"}, {"ranks", "v=2,x=3"}});
+  });
+}
+
+// Whatever a size cut last.
+TEST_P(Tucker, ModelsSayTheRanksThatTheyHave) {
+  const auto source = random_source(shape, DType::f16, 4);
+  for (const char* target : {"size=8KiB", "size=12KiB", "size=20000", "size=31234"}) {
+    const auto model = encode(*source, {{"target", target}});
+    const auto said = nlohmann::json::parse(model->info.parameters).at("ranks");
+    const TuckerModel& tucker = as_tucker(*model);
+    for (std::size_t n = 0; n < tucker.ranks.size(); ++n) {
+      EXPECT_EQ(said.at(tucker.groups.groups()[n].name).get<std::size_t>(), tucker.ranks[n])
+          << target;
+    }
+  }
 }
 
 TEST_P(Tucker, ZerosHaveAGoalToo) {

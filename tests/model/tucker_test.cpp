@@ -174,8 +174,11 @@ TEST(TuckerParts, ExpandedModesDecodeAlike) {
 }
 
 TEST(TuckerParts, RanksAreCutModeByMode) {
-  const TuckerModel model = random_model(shape, "", {3, 3, 2, 5, 4}, Storage::f32);
+  TuckerModel model = random_model(shape, "", {3, 3, 2, 5, 4}, Storage::f32);
+  model.info.parameters =
+      R"({"merge":"","ranks":{"v":3,"l":3,"c":2,"y":5,"x":4},"factors_error":0.1,"discarded":0.2})";
   const auto less = with_ranks(model, "v=2,x=1");
+  EXPECT_EQ(less->info.parameters, R"({"merge":"","ranks":{"v":2,"l":3,"c":2,"y":5,"x":1}})");
   EXPECT_EQ(less->ranks, (std::vector<std::size_t>{2, 3, 2, 5, 1}));
   EXPECT_EQ(less->factors[2], model.factors[2]);
   EXPECT_EQ(less->core[0], model.core[0]);
@@ -184,6 +187,7 @@ TEST(TuckerParts, RanksAreCutModeByMode) {
   expect_error(ErrorKind::input, {"--ranks l=2", "whole"}, [&] { with_ranks(model, "l=2"); });
   expect_error(ErrorKind::input, {"--ranks v", "MODE=RANK"}, [&] { with_ranks(model, "v"); });
   expect_error(ErrorKind::input, {"--ranks q=1"}, [&] { with_ranks(model, "q=1"); });
+  expect_error(ErrorKind::input, {"v=1,v=2", "twice"}, [&] { with_ranks(model, "v=1,v=2"); });
 }
 
 // Images between directions are the same combinations of the images at them.

@@ -155,6 +155,7 @@ class TuckerCodec final : public Codec {
     const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
     const double factors =
         std::sqrt(std::max(0.0, fit.errors.squares - fit.errors.core_squares) / squares);
+    check_ranks(model, request, asked, factors);
     std::string errors = fmt::format("\"factors_error\":{:.6g}", factors);
     const bool iterates = request.method == TuckerMethod::hooi;
     if (request.method == TuckerMethod::hosvd) {
@@ -183,7 +184,9 @@ class TuckerCodec final : public Codec {
     }
     if (!asked.note.empty()) job.notes.push_back(asked.note);
     model.round_to_storage();
+    const std::vector<std::size_t> stated = model.ranks;
     check_goal(model, request, asked);
+    if (model.ranks != stated) restate_ranks(model);
     return std::move(fit.model);
   }
 
@@ -209,6 +212,25 @@ class TuckerCodec final : public Codec {
       if (model.ranks == before) fail_size(size, asked);
       model.round_to_storage();
     }
+  }
+
+  // A relative error is missed where ranks are given that do not reach it.
+  static void check_ranks(const TuckerModel& model, const TuckerRequest& request,
+                          const TuckerParameters& asked, double error) {
+    constexpr double rounding = 0x1p-20;  // of the squares that the error is the difference of
+    if (request.relative == 0 || error * error <= request.relative * request.relative + rounding) {
+      return;
+    }
+    std::string binding;
+    for (std::size_t n = 0; n < model.ranks.size(); ++n) {
+      const ModeGroup& group = model.groups.groups()[n];
+      if (request.most[n] >= group.size || model.ranks[n] < request.most[n]) continue;
+      binding += fmt::format("{}{}={}", binding.empty() ? "" : ",", group.name, model.ranks[n]);
+    }
+    if (binding.empty()) return;
+    fail(ErrorKind::unmet_goal,
+         "--target {}: {:.4g} was reached with the ranks {}, the most allowed", asked.goal.text,
+         error, binding);
   }
 
   [[noreturn]] static void fail_size(std::size_t size, const TuckerParameters& asked) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "weft/error.hpp"
 #include "weft/model/tucker_ranks.hpp"
@@ -39,6 +40,7 @@ std::vector<double> widened(const std::vector<float>& values) {
 
 std::unique_ptr<TuckerModel> with_ranks(const TuckerModel& model, std::string_view ranks) {
   std::unique_ptr<TuckerModel> less = like(model);
+  std::vector<bool> named(model.groups.count(), false);
   for_each_part(ranks, [&](std::string_view part) {
     const std::size_t equals = std::min(part.find('='), part.size());
     const std::string_view digits = part.substr(std::min(equals + 1, part.size()));
@@ -50,6 +52,8 @@ std::unique_ptr<TuckerModel> with_ranks(const TuckerModel& model, std::string_vi
     const std::size_t n =
         model.groups.find(part.substr(0, equals), fmt::format("--ranks {}", ranks));
     const std::string& name = model.groups.groups()[n].name;
+    if (named[n]) fail_input("--ranks {}: mode {} is named twice", ranks, name);
+    named[n] = true;
     if (!model.has_factor(n)) {
       fail_input("--ranks {}: mode {} is whole in this model, it has no factor to cut", ranks,
                  name);
@@ -66,7 +70,22 @@ std::unique_ptr<TuckerModel> with_ranks(const TuckerModel& model, std::string_vi
     less->factors[n] = leading_columns(model.factors[n], model.ranks[n], less->ranks[n]);
   }
   less->round_to_storage();
+  restate_ranks(*less);
   return less;
+}
+
+void restate_ranks(TuckerModel& model) {
+  auto said = nlohmann::ordered_json::parse(model.info.parameters, nullptr, false);
+  if (!said.is_object()) return;  // another program's, who may say what it likes
+  if (said.contains("ranks")) {
+    auto ranks = nlohmann::ordered_json::object();
+    for (std::size_t n = 0; n < model.groups.count(); ++n) {
+      ranks[model.groups.groups()[n].name] = model.ranks[n];
+    }
+    said["ranks"] = ranks;
+  }
+  for (const char* error : {"factors_error", "error_bound", "discarded"}) said.erase(error);
+  model.info.parameters = said.dump();
 }
 
 std::unique_ptr<TuckerModel> expanded(const TuckerModel& model, std::string_view modes) {
