@@ -262,8 +262,19 @@ TEST_P(StreamedSvds, GoalsOutOfReachAreUnmet) {
       const std::string message = failure.what();
       EXPECT_NE(message.find("--tolerance 0.01"), std::string::npos) << message;
       EXPECT_NE(message.find(by_rank ? "--rank" : "--memory"), std::string::npos) << message;
+      // how many it takes: no more than there are
+      const std::size_t at = message.find("allows: ");
+      EXPECT_EQ(at == std::string::npos, by_rank) << message;
+      if (by_rank || at == std::string::npos) continue;
+      const unsigned long needed = std::stoul(message.substr(at + 8));
+      EXPECT_GT(needed, 20U) << message;
+      EXPECT_LE(needed, 80U) << message;
     }
-    // the same cap where it is enough
+  }
+  // the same caps where they are enough
+  for (const bool by_rank : {true, false}) {
+    SvdTarget target;
+    (by_rank ? target.rank : target.most_columns) = 20;
     target.tolerance = 0.3;
     if (by_rank || method() != SvdMethod::randomized) {
       EXPECT_LE(factorise(K, m, A, target).rank, 20U);

@@ -70,9 +70,15 @@ MemoryPlan plan_streamed_svd(const Device& device, const StreamShape& shape,
     } else {
       first.add("QR", ops::Tsqr::bytes(device, m, shape.arithmetic, target.workspace));
     }
-    first.add("small problem", m * m * sizeof(double));
-    // the SVD by divide and conquer, its check and its copies: 12 matrices, and the triangle
-    plan.add("small problem", 13 * m * m * sizeof(double));
+    if (target.method == SvdMethod::gram) {
+      // the eigensolver's matrix, its vectors and their copies; of these, the vectors stay
+      first.add("small problem", 6 * m * m * sizeof(double));
+      plan.add("small problem", m * m * sizeof(double));
+    } else {
+      first.add("small problem", m * m * sizeof(double));
+      // the SVD by divide and conquer, its check and its copies: 12 matrices, and the triangle
+      plan.add("small problem", 13 * m * m * sizeof(double));
+    }
     // the basis, packed and transposed too, and the products before they are turned
     plan.add("projection", row_major_bytes(device, shape.rows + m, kept, shape.arithmetic) +
                                2 * factor_bytes(device, {m, 0, 0, shape.arithmetic}, kept) +

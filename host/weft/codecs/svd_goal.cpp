@@ -54,4 +54,12 @@ void fail_unmet(const SvdTarget& target, double squares, double residual_squares
   fail(ErrorKind::unmet_goal, "{} with {} components, {}", goal, rank, why);
 }
 
+std::string memory_binds(std::size_t k, double needed, std::size_t memory) {
+  constexpr double gibibyte = 0x1p30;
+  needed = std::max(needed, static_cast<double>(k + 1));
+  return fmt::format(
+      "the most that --memory allows: {:.0f} or more are needed, with about {:.2g}GiB", needed,
+      static_cast<double>(memory) / gibibyte * needed / static_cast<double>(k));
+}
+
 }  // namespace weft

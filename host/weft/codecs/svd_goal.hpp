@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "weft/codecs/streamed_svd.hpp"
@@ -26,5 +27,9 @@ std::size_t smallest_rank(std::span<const double> values, double rest, double wa
 // Throws the unmet goal: reached with `rank` components, and what forbids more.
 [[noreturn]] void fail_unmet(const SvdTarget& target, double squares, double residual_squares,
                              std::size_t rank, std::string_view why);
+
+// Why memory forbids more than k components: how many are needed at least, and with about which
+// --memory, which grows with them.
+std::string memory_binds(std::size_t k, double needed, std::size_t memory);
 
 }  // namespace weft

@@ -216,10 +216,13 @@ StreamedSvd project(Device& device, PanelStream& stream, const SvdTarget& target
           k = std::min(most, 2 * k);
           continue;
         }
-        fail_unmet(target, spectrum.squares, rest, kept,
-                   most == target.rank     ? "the most that --rank allows"
-                   : most < std::min(m, K) ? "the most that --memory allows"
-                                           : "all that this arithmetic resolves");
+        fail_unmet(
+            target, spectrum.squares, rest, kept,
+            most == target.rank ? "the most that --rank allows"
+            : most < std::min(m, K)
+                ? memory_binds(most, static_cast<double>(smallest_rank(spectrum.values, 0, wanted)),
+                               job.memory)
+                : "all that this arithmetic resolves");
       }
       rest += tail_squares(values, enough);
       kept = enough;

@@ -195,7 +195,8 @@ class Iteration {
       if (target_.most_columns < std::min(rows_, columns_) &&
           basis_.dimension() + block_ + extra > target_.most_columns) {
         if (met) return finish(enough, rest);
-        fail(within, error, "the most that --memory allows");
+        fail(within, error,
+             memory_binds(within, needed_components(within, error, wanted), job_.memory));
       }
       if (last || !grow(std::min(extra, columns_ - basis_.dimension()), false)) {
         if (met) return finish(enough, rest);
@@ -237,6 +238,15 @@ class Iteration {
                                     : most;
     const std::size_t beyond = columns > block_ ? columns - block_ : 0;
     return ops::round_up(beyond, ops::panel_width(device_, stream_.arithmetic()));
+  }
+
+  // No fewer than directions as strong as the median of those known.
+  double needed_components(std::size_t k, double error, double wanted) const {
+    const double median = values_.empty() ? 0 : values_[values_.size() / 2];
+    const double most = static_cast<double>(std::min(rows_, columns_));
+    if (median == 0) return most;
+    const double missing = std::max(error * error - wanted, 0.0) / (median * median);
+    return std::min(static_cast<double>(k) + std::ceil(missing), most);
   }
 
   const char* what_binds(std::size_t k) const {
