@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -190,6 +191,31 @@ TEST(TuckerSampler, RanksAboutTheVector) {
     }
     expect_looked_up({"", {5, lights, 2, 2, 3}}, size, {4, 3, 3}, 40);
   }
+}
+
+// More look-ups than are ordered at once: the same ones again and again give the same bits.
+TEST(TuckerSampler, ManyTimesTheSame) {
+  const BtfShape small{3, 4, 2, 3, 3};
+  constexpr std::size_t some = 1000;
+  constexpr std::size_t count = (std::size_t{1} << 20) + some;
+  const LookupShape lookup{1, 1, 1};
+  Device& device = shared_device();
+  const TuckerModel model = random_tucker({"", {2, 3, 2, 1, 2}}, small);
+  Random random(6);
+  const std::vector<std::uint32_t> once = random_lookups(lookup, small, some, random);
+  std::vector<std::uint32_t> records(count * lookup.words());
+  for (std::size_t i = 0; i < records.size(); ++i) records[i] = once[i % once.size()];
+  Buffer in(device, records.size() * sizeof(std::uint32_t), "records");
+  device.write(in, std::span<const std::uint32_t>(records));
+  std::vector<float> values(count * small.channels);
+  Buffer out(device, values.size() * sizeof(float), "values");
+  device.fill_zero(out, 0, out.size());
+  tucker_sampler(device, model)->look_up(lookup, count, in, out);
+  device.read(out, std::span<float>(values));
+  const std::size_t period = some * small.channels;
+  EXPECT_TRUE(std::equal(values.begin() + period, values.end(), values.begin()));
+  EXPECT_TRUE(
+      std::any_of(values.begin(), values.begin() + period, [](float value) { return value != 0; }));
 }
 
 }  // namespace
