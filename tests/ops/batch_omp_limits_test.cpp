@@ -100,9 +100,10 @@ TEST(BatchOmp, DegenerateDictionaries) {
   atom(11)[4] = unused;
   atom(12)[0] = -std::numeric_limits<float>::infinity();
   // a signal of each of those, exactly
-  for (std::size_t n = 0; n < 11; ++n)
+  for (std::size_t n = 0; n < 11; ++n) {
     std::ranges::copy(atom(n),
                       problem.Y.begin() + static_cast<std::ptrdiff_t>(n * problem.dimension));
+  }
   // in the reference, atoms with NaN are zero
   for (const std::size_t k : Sizes{1, 6, 12, 14, 70}) {
     for (const OmpOptions& options : every_way({k, 0})) {
