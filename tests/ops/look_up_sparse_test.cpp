@@ -64,24 +64,24 @@ std::vector<float> look_up(const SparseModel& model, const LookupShape& lookup,
   const BtfShape& shape = model.info.btf.shape;
   const std::size_t count = records.size() / lookup.words();
   GuardedBuffer buffers[] = {
-      guarded(indices_of(model.views.atoms), "atoms of views"),
-      guarded(model.views.coefficients, "coefficients of views"),
+      guarded(ops::lookup_rows(indices_of(model.views.atoms), model.views.coefficients,
+                               model.views.length),
+              "lists of views"),
       guarded(ops::end_lists(indices_of(model.texels.atoms), model.texels.length),
               "atoms of texels"),
       guarded(ops::end_lists(model.texels.coefficients, model.texels.length),
               "coefficients of texels"),
-      guarded(ops::lookup_dictionary(ops::vector_width(device), model.light_atoms, shape.lights,
-                                     shape.channels, model.dictionary),
-              "dictionary"),
+      guarded(
+          ops::lookup_dictionary(model.light_atoms, shape.lights, shape.channels, model.dictionary),
+          "dictionary"),
       guarded(model.mean, "mean"),
       guarded(records, "records"),
   };
   GuardedBuffer out(device, count * shape.channels * sizeof(float), "values");
-  ops::look_up_sparse(device, {lookup, shape, count, buffers[6].buffer(), out.buffer()},
+  ops::look_up_sparse(device, {lookup, shape, count, buffers[5].buffer(), out.buffer()},
                       {model.light_atoms, model.views.length, model.texels.length},
-                      {buffers[0].buffer(), buffers[1].buffer()},
-                      {buffers[2].buffer(), buffers[3].buffer()}, buffers[4].buffer(),
-                      buffers[5].buffer(), lists);
+                      buffers[0].buffer(), {buffers[1].buffer(), buffers[2].buffer()},
+                      buffers[3].buffer(), buffers[4].buffer(), lists);
   std::vector<float> values = out.values<float>();
   EXPECT_TRUE(out.intact());
   for (GuardedBuffer& buffer : buffers) EXPECT_TRUE(buffer.intact());
@@ -89,7 +89,7 @@ std::vector<float> look_up(const SparseModel& model, const LookupShape& lookup,
 }
 
 void expect_looked_up(const SparseModel& model, const LookupShape& lookup, std::size_t count,
-                      ops::TexelLists lists = ops::TexelLists::merged) {
+                      ops::TexelLists lists = ops::TexelLists::one_by_one) {
   const BtfShape& shape = model.info.btf.shape;
   SCOPED_TRACE(testing::Message() << lookup.texels << ' ' << lookup.views << ' ' << lookup.lights
                                   << " taps, " << count << ", " << shape.channels
@@ -101,11 +101,9 @@ void expect_looked_up(const SparseModel& model, const LookupShape& lookup, std::
   const SparseModel size = magnitude_of(model);
   std::vector<double> magnitude(expected.size());
   reference::texel_sampler(size)->look_up(lookup, records, magnitude);
-  // Per term: what is summed into its atom's coefficient, by texels and views; the atoms that a
-  // lane has, at most 1024 of at least 8 lanes, or the terms of a list and those of the texels; the
-  // lanes' sum, lights, views and texels, and three weights.
+  // Per term: the lights that its atom is blended of, the terms of its list, those of the texels
+  // and their views, lights, views and texels of the mean, and three weights.
   const std::size_t terms = lookup.texels * model.texels.length * lookup.views +
-                            std::min<std::size_t>(model.light_atoms, 1024) / 8 +
                             model.views.length + lookup.lights + lookup.views + lookup.texels + 12;
   const double unit = gamma(static_cast<double>(terms), float_roundoff);
   EXPECT_TRUE(all_near(look_up(model, lookup, records, lists), expected,
@@ -114,7 +112,10 @@ void expect_looked_up(const SparseModel& model, const LookupShape& lookup, std::
 
 TEST(LookUpSparse, SmallOfEachShape) {
   for (const std::size_t channels : Sizes{1, 3, 5}) {
-    expect_looked_up(random_sparse({4, 5, 3, 4, channels}, {9, 8, 3, 4}), {4, 3, 3}, 5);
+    const SparseModel model = random_sparse({4, 5, 3, 4, channels}, {9, 8, 3, 4});
+    expect_looked_up(model, {4, 3, 3}, 5);
+    expect_looked_up(model, {4, 3, 1}, 5);
+    expect_looked_up(model, {4, 3, 3}, 5, ops::TexelLists::merged);
   }
 }
 
@@ -130,7 +131,8 @@ TEST(LookUpSparse, EachShapeAboutTheBlock) {
   for (const std::size_t count : Sizes{1, 63, 64, 65, 129}) {
     expect_looked_up(model, {4, 3, 3}, count);
   }
-  expect_looked_up(model, {4, 3, 3}, 70, ops::TexelLists::one_by_one);
+  expect_looked_up(model, {4, 3, 3}, 70, ops::TexelLists::merged);
+  expect_looked_up(model, {1, 3, 3}, 70, ops::TexelLists::merged);
 }
 
 TEST(LookUpSparse, AnyLengths) {
@@ -159,7 +161,7 @@ TEST(LookUpSparse, ModelsKeepToTheBoundOfTheCodec) {
     const std::vector<std::uint32_t> records = random_records(single, model.info.btf.shape, 15);
     std::vector<double> expected(15 * 3);
     reference::texel_sampler(model)->look_up(single, records, expected);
-    EXPECT_TRUE(all_near(look_up(model, single, records, ops::TexelLists::merged), expected,
+    EXPECT_TRUE(all_near(look_up(model, single, records, ops::TexelLists::one_by_one), expected,
                          6 * sparse_decode_tolerance(model)));
   }
 }

@@ -99,27 +99,28 @@ class SparseDeviceSampler final : public DeviceSampler {
       : device_(device),
         shape_(model.info.btf.shape),
         lengths_{model.light_atoms, model.views.length, model.texels.length} {
-    view_atoms_ = upload(device, indices_of(model.views.atoms), "atoms of views");
-    view_coefficients_ = upload(device, model.views.coefficients, "coefficients of views");
+    view_rows_ = upload(device,
+                        ops::lookup_rows(indices_of(model.views.atoms), model.views.coefficients,
+                                         lengths_.view_terms),
+                        "lists of views");
     texel_atoms_ =
         upload(device, ops::end_lists(indices_of(model.texels.atoms), lengths_.texel_terms),
                "atoms of texels");
     texel_coefficients_ =
         upload(device, ops::end_lists(model.texels.coefficients, lengths_.texel_terms),
                "coefficients of texels");
-    dictionary_ = upload(device,
-                         ops::lookup_dictionary(ops::vector_width(device), model.light_atoms,
-                                                shape_.lights, shape_.channels, model.dictionary),
-                         "dictionary");
+    dictionary_ = upload(
+        device,
+        ops::lookup_dictionary(model.light_atoms, shape_.lights, shape_.channels, model.dictionary),
+        "dictionary");
     mean_ = upload(device, model.mean, "mean");
   }
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
                Buffer& out) override {
     validate(lookup, shape_);
-    ops::look_up_sparse(device_, {lookup, shape_, count, lookups, out}, lengths_,
-                        {view_atoms_, view_coefficients_}, {texel_atoms_, texel_coefficients_},
-                        dictionary_, mean_);
+    ops::look_up_sparse(device_, {lookup, shape_, count, lookups, out}, lengths_, view_rows_,
+                        {texel_atoms_, texel_coefficients_}, dictionary_, mean_);
   }
 
   double lookup_flops(const LookupShape& lookup) const override {
@@ -130,8 +131,7 @@ class SparseDeviceSampler final : public DeviceSampler {
   Device& device_;
   BtfShape shape_;
   ops::SparseLengths lengths_;
-  Buffer view_atoms_;
-  Buffer view_coefficients_;
+  Buffer view_rows_;
   Buffer texel_atoms_;
   Buffer texel_coefficients_;
   Buffer dictionary_;
@@ -171,11 +171,11 @@ std::unique_ptr<DeviceSampler> sparse_sampler(Device& device, const SparseModel&
 
 std::size_t sparse_sampler_bytes(const SparseModel& model) {
   const BtfShape& shape = model.info.btf.shape;
-  return term_bytes(model.views) + term_bytes(model.texels) +
-         shape.texels() * (sizeof(std::uint32_t) + sizeof(float)) +
-         (model.mean.size() + ops::lookup_dictionary_floats(ops::most_sparse_lanes,
-                                                            model.light_atoms, shape.lights,
-                                                            shape.channels)) *
+  const std::size_t rows = model.views.length > 0 ? model.abrdf_atoms * shape.views : 0;
+  return rows * ops::lookup_row(model.views.length) * sizeof(std::uint32_t) +
+         term_bytes(model.texels) + shape.texels() * (sizeof(std::uint32_t) + sizeof(float)) +
+         (model.mean.size() +
+          ops::lookup_dictionary_floats(model.light_atoms, shape.lights, shape.channels)) *
              sizeof(float);
 }
 

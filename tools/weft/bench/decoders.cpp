@@ -199,24 +199,22 @@ Benchmark sparse_lookups(std::size_t k1, std::size_t k2, ops::TexelLists lists) 
       static_cast<double>(lookup_count * (filtered.words() + shape.channels) * 4)};
   benchmark.prepare = [=](Device& device) -> Run {
     const auto records = lookup_buffer(device, shape, false);
-    const auto V = upload_terms(device, sparse_terms(sparse_atoms * shape.views, k1, sparse_atoms));
+    const std::vector<std::uint32_t> terms =
+        sparse_terms(sparse_atoms * shape.views, k1, sparse_atoms);
+    const auto V =
+        upload_terms(device, ops::lookup_rows(terms, std::vector<float>(terms.size(), 0.25f), k1));
     const auto P =
         upload_terms(device, ops::end_lists(sparse_terms(shape.texels(), k2, sparse_atoms), k2));
-    const auto v =
-        std::make_shared<Buffer>(random_buffer(device, sparse_atoms * shape.views * k1, "V"));
     const auto p = std::make_shared<Buffer>(random_buffer(device, shape.texels() * (k2 + 1), "P"));
-    const auto L = std::make_shared<Buffer>(
-        random_buffer(device,
-                      ops::lookup_dictionary_floats(ops::vector_width(device), sparse_atoms,
-                                                    shape.lights, shape.channels),
-                      "L"));
+    const auto L = std::make_shared<Buffer>(random_buffer(
+        device, ops::lookup_dictionary_floats(sparse_atoms, shape.lights, shape.channels), "L"));
     const auto mean =
         std::make_shared<Buffer>(random_buffer(device, shape.images() * shape.channels, "mean"));
     const auto out =
         std::make_shared<Buffer>(device, lookup_count * shape.channels * sizeof(float), "out");
     return [=, &device] {
-      ops::look_up_sparse(device, {filtered, shape, lookup_count, *records, *out}, lengths,
-                          {*V, *v}, {*P, *p}, *L, *mean, lists);
+      ops::look_up_sparse(device, {filtered, shape, lookup_count, *records, *out}, lengths, *V,
+                          {*P, *p}, *L, *mean, lists);
     };
   };
   return benchmark;
