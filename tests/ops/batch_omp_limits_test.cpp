@@ -244,9 +244,11 @@ TEST(BatchOmp, DictionaryOfZeros) {
 TEST(BatchOmp, EndsWhereNoAtomImproves) {
   Problem problem{3, 5, {2, 0, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, 3, 0, 0}, {}};
   problem.Y = {5, 0, 0, 1, 0, 0, 4, 0, 0, -2, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1};
-  for (const OmpOptions& options : every_way({3, 0})) {
-    EXPECT_EQ(expect_pursuits(problem, options), problem.signals());
-    EXPECT_EQ(code(problem, options).counts, (std::vector<std::uint32_t>{1, 1, 0, 3}));
+  for (const std::uint32_t k : {2U, 3U}) {
+    for (const OmpOptions& options : every_way({k, 0})) {
+      EXPECT_EQ(expect_pursuits(problem, options), problem.signals());
+      EXPECT_EQ(code(problem, options).counts, (std::vector<std::uint32_t>{1, 1, 0, k}));
+    }
   }
 }
 

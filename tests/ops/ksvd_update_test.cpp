@@ -174,7 +174,7 @@ void expect_kept(std::size_t lanes) {
   ops::code_residuals(device, p.shape(), Y.buffer(), D.buffer(), before.codes, nullptr, R.buffer(),
                       errors.buffer(), lanes);
   // Signals 0, 3, 6 ... get a worse code, 1, 4, 7 ... a better one, the others the same. R of
-  // signal 2 claims less than its code before has: what counts is what the code has.
+  // signals 2 and 4 claims less than their codes before have: what counts is what the codes have.
   std::vector<float> changed = p.coefficients;
   std::vector<std::uint32_t> counts = p.counts;
   for (std::size_t i = 0; i < p.signals; ++i) {
@@ -185,7 +185,9 @@ void expect_kept(std::size_t lanes) {
     if (i % 3 == 0) counts[i] = 2;
   }
   std::vector<float> rows = R.values<float>();
-  std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(2 * p.leading()), p.leading(), 0.0f);
+  for (const std::size_t i : Sizes{2, 4}) {
+    std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(i * p.leading()), p.leading(), 0.0f);
+  }
   device.write(R.buffer(), std::span<const float>(rows));
   GuardedCodes codes(device, p.indices, changed, counts);
   ops::code_residuals(device, p.shape(), Y.buffer(), D.buffer(), codes.codes, &before.codes,
