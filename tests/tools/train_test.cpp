@@ -48,9 +48,27 @@ TEST_F(TrainProcess, MeetsGoalsAndIsCutFurther) {
   EXPECT_LE(shorter.at("errors").at("relative").get<double>(), 0.3);
   EXPECT_LT(shorter.at("file_size").get<std::size_t>(), report_.at("file_size").get<std::size_t>());
 
+  // what was measured against the longer train is not recorded as if it were of the raw BTF
+  EXPECT_EQ(shorter.at("errors_against"), path("train.weft"));
+  const ProcessResult verified =
+      run_weft({"verify", path("shorter.weft"), "--against", path("cloth.safetensors")});
+  EXPECT_EQ(verified.status, 0) << verified.err;
+
   const ProcessResult sized = compress("cloth.safetensors", "size=16KiB", "small.weft");
   ASSERT_EQ(sized.status, 0) << sized.err;
   EXPECT_LE(std::filesystem::file_size(path("small.weft")), 16U << 10);
+}
+
+TEST_F(TrainProcess, KeepsItsSelection) {
+  const ProcessResult part = run_weft({"compress", path("cloth.safetensors"), "--codec", "tt",
+                                       "--views", "0,3", "-o", path("part.weft")});
+  ASSERT_EQ(part.status, 0) << part.err;
+  ASSERT_EQ(compress("part.weft", "rel=0.3", "shorter.weft").status, 0);
+  for (const char* model : {"part.weft", "shorter.weft"}) {
+    const ProcessResult verified =
+        run_weft({"verify", path(model), "--against", path("cloth.safetensors")});
+    EXPECT_EQ(verified.status, 0) << model << ": " << verified.err;
+  }
 }
 
 TEST_F(TrainProcess, SaysHowFastItIs) {

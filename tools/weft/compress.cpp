@@ -97,7 +97,7 @@ void run_compress(const CompressOptions& options) {
       : device ? codec.encode(*device, *source, options.parameters, storage, job)
                : codec.encode_reference(*source, options.parameters, storage, job);
   const double encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  model->info.selection = to_json(selection);
+  model->info.selection = train ? train->info.selection : to_json(selection);
   model->info.program_version = version();
 
   // measure the model as it is stored
@@ -110,8 +110,10 @@ void run_compress(const CompressOptions& options) {
     sums = measure_errors(*codec.reference_decoder(*model), *source, job, wanted);
   }
   const double peak = options.peak > 0 ? options.peak : psnr_peak(source->info(), sums);
-  model->info.errors = weft::report(sums, peak);
-  if (options.ssim) model->info.errors->ssim = similarity.sums.mean();
+  ErrorReport measured = weft::report(sums, peak);
+  if (options.ssim) measured.ssim = similarity.sums.mean();
+  // a model's errors are those of the raw BTF
+  if (!train) model->info.errors = measured;
 
   // write
   std::size_t size = 0;
@@ -128,14 +130,15 @@ void run_compress(const CompressOptions& options) {
   report.add("output", options.output);
   report.add("codec", codec.name());
   report.add("parameters", json_cell(model->info.parameters));
-  report.add("storage", options.storage);
+  report.add("storage", model->info.storage == Storage::f16 ? "f16" : "f32");
   report.add("selection", json_cell(model->info.selection));
   add_btf_fields(report, model->info.btf);
   report.add("raw_size", bytes_cell(source->info().bytes()));
   report.add("file_size", bytes_cell(size));
   report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
+  if (train) report.add("errors_against", options.input);
   Report& errors = report.section("errors");
-  add_error_fields(errors, *model->info.errors);
+  add_error_fields(errors, measured);
   if (options.ssim) errors.add("lowest_ssim", similarity.sums.lowest);
   report.add("device", device_name(device));
   report.add("encode_time", encode_seconds, "s");
