@@ -186,8 +186,9 @@ TEST_P(Tucker, SizesAreMetAndUsed) {
   });
 }
 
-// At the size of ranks in equal proportion to the modes, chosen ranks are no worse: but for the
-// last slice, about 4 % of such small models, that a header of a longer request may cost.
+// At the size of ranks in equal proportion to the modes, with the measured errors in the file,
+// chosen ranks are no worse. They are a part of a larger fit, which may differ from a fit at those
+// ranks by a part of a thousand.
 TEST_P(Tucker, ChosenRanksAreNoWorseThanEqualProportions) {
   for (const std::array<std::size_t, 5>& ranks :
        {std::array<std::size_t, 5>{12, 11, 14, 13, 3}, {5, 11, 14, 4, 3}, {12, 3, 5, 13, 1}}) {
@@ -199,10 +200,11 @@ TEST_P(Tucker, ChosenRanksAreNoWorseThanEqualProportions) {
         text += fmt::format("{}{}={}", text.empty() ? "" : ",", name_of(mode), rank);
       }
       const auto equal = run().encode(*source, {{"ranks", text}}, Storage::f16);
-      const auto chosen = run().encode(
-          *source, {{"target", fmt::format("size={}", model_file_size(*equal))}}, Storage::f16);
+      const auto chosen =
+          run().encode(*source, {{"target", fmt::format("size={}", model_file_size(*equal) + 256)}},
+                       Storage::f16);
       EXPECT_LE(relative(run().measure(*chosen, *source)),
-                relative(run().measure(*equal, *source)) * 1.05)
+                relative(run().measure(*equal, *source)) * (1 + 1e-3))
           << text;
     }
   }
@@ -315,6 +317,35 @@ TEST(TuckerDevice, SeveralTilesOfEitherKind) {
     const auto again = run.encode(read, parameters, Storage::f32);
     EXPECT_EQ(as_tucker(*model).core, as_tucker(*again).core);
     EXPECT_EQ(as_tucker(*model).factors, as_tucker(*again).factors);
+  }
+}
+
+// What memory does not hold is held in a file, with the same bits.
+TEST(TuckerDevice, TheSameBitsFromAFile) {
+  const BtfShape large{40, 50, 24, 23, 2};
+  const auto source =
+      source_of(large, DType::f32, tensor_of_ranks(large, {20, 20, 20, 20, 2}, 0.8, 3));
+  const CodecRun run{"tucker", true};
+  for (const char* method : {"sthosvd", "hosvd", "hooi"}) {
+    const Parameters parameters{
+        {"ranks", "v=9,l=8,y=7,x=6"}, {"method", method}, {"iterations", "1"}};
+    Job ample;
+    std::size_t working = 0;
+    ample.on_plan = [&](const MemoryPlan& plan) {
+      for (const MemoryItem& item : plan.items) {
+        if (item.what != "projected tensor") working += item.bytes;
+      }
+    };
+    const auto held = run.encode(*source, parameters, Storage::f32, ample);
+    Job scarce;
+    scarce.memory = working;
+    const auto filed = run.encode(*source, parameters, Storage::f32, scarce);
+    EXPECT_EQ(as_tucker(*held).core.place(), FloatStore::Place::memory) << method;
+    EXPECT_EQ(as_tucker(*filed).core.place(), FloatStore::Place::file) << method;
+    EXPECT_EQ(as_tucker(*held).core, as_tucker(*filed).core) << method;
+    EXPECT_EQ(as_tucker(*held).factors, as_tucker(*filed).factors) << method;
+    // and it is decoded alike
+    EXPECT_EQ(run.decode(*held, 7), run.decode(*filed, 7)) << method;
   }
 }
 

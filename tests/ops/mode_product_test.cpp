@@ -110,6 +110,52 @@ TEST(ModeProduct, SizesAboutThePanel) {
   }
 }
 
+// Neighbours behind the mode from fewer to more than a panel's vectors and a work-item's strips;
+// modes deeper than a block of the sum.
+TEST(ModeProduct, SizesAboutStrips) {
+  const std::size_t lanes = ops::vector_width(shared_device());
+  const std::size_t width = ops::panel_width(shared_device());
+  for (const std::size_t inner : {2 * lanes - 1, 2 * lanes, 2 * lanes + 1, width + lanes,
+                                  width + 2 * lanes, 8 * width - 1, 8 * width, 8 * width + 1}) {
+    for (const std::size_t n : {std::size_t{7}, std::size_t{9}}) {
+      expect_product({3, n, inner}, 1, n - 1);
+      expect_gram({3, n, inner}, 1, Arithmetic::f32);
+    }
+  }
+  for (const std::size_t n : {std::size_t{383}, std::size_t{385}, std::size_t{800}}) {
+    expect_product({2, n, 65}, 1, 9);
+  }
+}
+
+// Panels as they are packed, zeros past the last column too, which no product shows.
+TEST(PackMode, SmallPanelsArePaddedWithZeros) {
+  Device& device = shared_device();
+  const std::size_t width = ops::panel_width(device);
+  const Tensor sizes{2, width + 2, 11};
+  const std::vector<float> T = random_floats(reference::elements_of(sizes), 5, 1, 2);
+  GuardedBuffer in(device, std::span<const float>(T), "T");
+  for (const std::size_t inner : {std::size_t{1}, std::size_t{3}, std::size_t{11}}) {
+    // the same values as [outer][n][inner]
+    const std::size_t n = sizes[1];
+    const std::size_t rows = T.size() / n / inner * inner;
+    const std::size_t panels = ops::ceil_div(n, width);
+    GuardedBuffer out(device, panels * rows * width * sizeof(float), "panels");
+    const cl_kernel kernel = device.kernel(kernel_sources::pack_mode,
+                                           ops::vector_option(device) + " -DROWS=5", "pack_mode");
+    set_arguments(kernel, in.buffer(), ops::ulong(n), ops::ulong(inner), ops::ulong(0),
+                       ops::ulong(rows), out.buffer());
+    ops::launch_items(device, kernel, panels, ops::ceil_div(rows, 5));
+    const std::vector<float> found = out.values<float>();
+    EXPECT_TRUE(out.intact());
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const std::size_t j = i / (rows * width) * width + i % width;
+      const std::size_t k = i / width % rows;
+      const float wanted = j < n ? T[(k / inner * n + j) * inner + k % inner] : 0.0f;
+      ASSERT_EQ(found[i], wanted) << "inner " << inner << " at " << i;
+    }
+  }
+}
+
 TEST(ModeProduct, FourAndFiveModes) {
   const Tensor sizes{4, 3, 5, 6, 2};
   for (std::size_t mode = 0; mode < sizes.size(); ++mode) {

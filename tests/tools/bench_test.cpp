@@ -63,6 +63,8 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
                              "surface_shade",
                              "syrk_packed",
                              "syrk_rows",
+                             "mode_gram",
+                             "mode_product",
                              "convert_tile_transposed",
                              "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;

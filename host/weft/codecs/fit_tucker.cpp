@@ -13,6 +13,7 @@
 #include "weft/codecs/held_tensor.hpp"
 #include "weft/codecs/long_modes.hpp"
 #include "weft/codecs/scan_source.hpp"
+#include "weft/codecs/scattered_rows.hpp"
 #include "weft/codecs/tensor_tiles.hpp"
 #include "weft/codecs/tucker_plan.hpp"
 #include "weft/error.hpp"
@@ -66,18 +67,20 @@ class Fitter {
         sizes_(request_.groups.sizes()),
         factors_(sizes_.size()),
         ranks_(sizes_) {
-    scale_ = unit_scale(scan_source(device, source, job).largest);
+    // values of 8 and 16 bits can be squared in float as they are
+    if (source.info().dtype == DType::f32) {
+      scale_ = unit_scale(scan_source(device, source, job).largest);
+    }
   }
 
   TuckerFit run() {
     const bool iterates = request_.method == TuckerMethod::hooi;
-    squares_ = data_squares();
     if ((iterates ? request_.start : request_.method) == TuckerMethod::hosvd) {
       hosvd();
     } else {
       sthosvd();
     }
-    fit_.errors.discarded = cut_to_goal(*fit_.model, request_, squares_, lost_);
+    fit_.errors.discarded = cut_to_goal(*fit_.model, request_, squares(), lost_);
     if (iterates) iterate();
     finish();
     return std::move(fit_);
@@ -85,21 +88,25 @@ class Fitter {
 
  private:
   double values() const { return static_cast<double>(product(sizes_)); }
-  double budget() const { return first_share * request_.relative * request_.relative * squares_; }
+  double budget() { return first_share * request_.relative * request_.relative * squares(); }
   // What may be lost beyond what is.
-  double room() const { return request_.relative * request_.relative * squares_ - lost_; }
+  double room() { return request_.relative * request_.relative * squares() - lost_; }
   double source_bytes() const { return static_cast<double>(source_.info().bytes()); }
 
-  double data_squares() {
-    const StageTimer timer(job_, "norm", 2 * values(), source_bytes());
-    TensorTiles tiles(device_, source_, request_.groups, By::images, scale_, job_);
-    double sum = 0;
-    tiles.for_each([&](const Buffer& tile, std::size_t first, std::size_t count) {
-      sum += ops::sum_squares(device_, count * (tiles.largest_values() / tiles.largest_rest()),
-                              tile, Arithmetic::f32);
-      job_.advance("norm", first + count, tiles.rest());
-    });
-    return sum;
+  // |D|^2, which the first pass finds on its way.
+  double squares() {
+    if (!squares_known_) {
+      stream(By::images, {}, "norm",
+             [](const TensorTiles&, const Buffer&, const std::vector<std::size_t>&, std::size_t,
+                std::size_t) {});
+    }
+    return squares_;
+  }
+
+  double tile_squares(const TensorTiles& tiles, const Buffer& tile, std::size_t count) {
+    const std::size_t values =
+        count * tiles.segments() * (tiles.largest_values() / tiles.largest_rest());
+    return ops::sum_squares(device_, values, tile, Arithmetic::f32);
   }
 
   // Streams tiles of a kind with the modes `onto` of it projected on their factors; `use` gets the
@@ -118,7 +125,9 @@ class Fitter {
       if (onto.empty()) continue;
       buffer = Buffer(device_, tiles.largest_values() * sizeof(float), "projected tile");
     }
+    double squares = 0;
     tiles.for_each([&](const Buffer& tile, std::size_t first, std::size_t count) {
+      if (!squares_known_) squares += tile_squares(tiles, tile, count);
       std::vector<std::size_t> sizes = tiles.modes().tile_sizes(sizes_, count * tiles.segments());
       const Buffer* from = &tile;
       for (std::size_t i = 0; i < onto.size(); ++i) {
@@ -134,6 +143,11 @@ class Fitter {
       use(tiles, *from, sizes, first, count);
       job_.advance(stage, first + count, tiles.rest());
     });
+    if (squares_known_) return;
+    squares_ = squares;
+    squares_known_ = true;
+    // the first value that is not finite, by name
+    if (!std::isfinite(squares)) scan_source(device_, source_, job_);
   }
 
   // Spectra of modes of one kind, of D as projected on the modes `onto` of that kind.
@@ -184,35 +198,29 @@ class Fitter {
   HeldTensor hold(By kind, const std::vector<std::size_t>& onto) {
     std::vector<std::size_t> sizes = sizes_;
     for (const std::size_t n : onto) sizes[n] = ranks_[n];
-    const std::size_t bytes = product(sizes) * sizeof(float);
-    const std::size_t held = plan_tucker(device_, source_, {request_, gram_}, job_).total();
-    // with a goal the plan could not know of it
-    if (request_.has_goal() && held + bytes > job_.memory) {
-      fail_input(
-          "--memory {}: with the ranks that the goal needs, {} bytes are held beside {} of working "
-          "memory",
-          job_.memory, bytes, held);
+    const FloatStore::Place place =
+        place_of_held(device_, source_, {request_, gram_}, job_, product(sizes) * sizeof(float));
+    if (place == FloatStore::Place::file && !noted_file_) {
+      job_.notes.push_back(
+          fmt::format("the projected tensor, {} bytes, is held in a temporary file: --memory {}",
+                      product(sizes) * sizeof(float), job_.memory));
+      noted_file_ = true;
     }
-    HeldTensor W(std::move(sizes));
-    std::vector<float> part;
+    HeldTensor W(std::move(sizes), place);
+    std::optional<ScatteredRows> rows;
     stream(kind, onto, "projection",
            [&](const TensorTiles& tiles, const Buffer& tile,
                const std::vector<std::size_t>& tile_sizes, std::size_t first, std::size_t count) {
-             part.resize(product(tile_sizes));
-             device_.read(tile, std::span(part));
+             const std::size_t values = product(tile_sizes);
              if (kind == By::images) {
-               std::copy(
-                   part.begin(), part.end(),
-                   W.values.begin() + static_cast<std::ptrdiff_t>(first * (part.size() / count)));
-               return;
-             }
-             // rows of a block of texels
-             const std::size_t segment = tiles.rest() / tiles.segments();
-             for (std::size_t row = 0; row * count < part.size(); ++row) {
-               std::copy_n(part.begin() + static_cast<std::ptrdiff_t>(row * count), count,
-                           W.values.begin() + static_cast<std::ptrdiff_t>(row * segment + first));
+               device_.read(tile, std::span(W.values).subspan(first * (values / count), values));
+             } else {
+               // rows of a block of texels
+               if (!rows) rows.emplace(W.values, tiles.rest() / tiles.segments());
+               rows->add(device_, tile, values / count, count, first);
              }
            });
+    if (rows) rows->finish();
     return W;
   }
 
@@ -261,7 +269,7 @@ class Fitter {
     return spectra;
   }
 
-  std::vector<std::size_t> ranks_from(const std::vector<Spectrum>& spectra) const {
+  std::vector<std::size_t> ranks_from(const std::vector<Spectrum>& spectra) {
     std::vector<std::size_t> ranks = request_.most;
     std::vector<std::vector<double>> values;
     std::vector<std::uint8_t> cut;
@@ -277,10 +285,15 @@ class Fitter {
       for (std::size_t n = 0; n < ranks.size(); ++n) {
         if (sizes_[n] > longest_gram_mode) whole[n] = 0;
       }
+      const TuckerBytes bytes = tucker_bytes(request_, whole);
+      const auto most = static_cast<double>(request_.bytes);
       const RankChoice choice = cut_ranks(std::span<const std::vector<double>>(values), sizes_,
-                                          tucker_bytes(request_, whole),
-                                          {0, first_bytes * static_cast<double>(request_.bytes)});
-      for (std::size_t n = 0; n < ranks.size(); ++n) ranks[n] = std::min(ranks[n], choice.ranks[n]);
+                                          bytes, {0, first_bytes * most});
+      // what is left must hold ranks in equal proportion too, for cut_to_goal() to compare
+      const std::vector<std::size_t> equal = equal_proportion(bytes, most);
+      for (std::size_t n = 0; n < ranks.size(); ++n) {
+        ranks[n] = std::min(ranks[n], std::max(choice.ranks[n], equal[n]));
+      }
     } else if (request_.relative > 0) {
       const double modes = static_cast<double>(std::count(cut.begin(), cut.end(), 1));
       for (std::size_t n = 0; n < ranks.size(); ++n) {
@@ -300,11 +313,11 @@ class Fitter {
       }
       factors_[n] = leading(spectra[n], ranks_[n]);
       bound_ += sizes_[n] > longest_gram_mode
-                    ? std::max(0.0, squares_ - kept(spectra[n].values, ranks_[n]))
+                    ? std::max(0.0, squares() - kept(spectra[n].values, ranks_[n]))
                     : tail(spectra[n].values, ranks_[n]);
     }
     HeldTensor core = project_all();
-    lost_ = std::max(0.0, squares_ - core.squares());
+    lost_ = std::max(0.0, squares() - core.squares());
     make_model(std::move(core));
   }
 
@@ -368,12 +381,13 @@ class Fitter {
       factors_[n] = leading(spectrum, ranks_[n]);
     };
     for (const std::size_t n : streamed) {
-      choose(n, streamed_spectra(first, {n}, projected_modes(first))[0], squares_ - lost_);
+      const std::vector<Spectrum> found = streamed_spectra(first, {n}, projected_modes(first));
+      choose(n, found[0], squares() - lost_);
     }
     HeldTensor W = hold(first, projected_modes(first));
     for (const std::size_t n : held) {
       const Spectrum spectrum = held_spectrum(W, n);
-      choose(n, spectrum, squares_ - lost_);
+      choose(n, spectrum, squares() - lost_);
       if (!factors_[n].empty()) project(W, n);
     }
     make_model(std::move(W));
@@ -418,7 +432,7 @@ class Fitter {
       job_.advance("iteration", i + 1, request_.iterations);
     }
     if (core.values.empty()) core = project_all();
-    lost_ = std::max(0.0, squares_ - core.squares());
+    lost_ = std::max(0.0, squares() - core.squares());
     fit_.errors.discarded = lost_;
     make_model(std::move(core));
   }
@@ -442,7 +456,7 @@ class Fitter {
                                      : static_cast<float>(double{value} / double{scale_});
     }
     const double unit = 1 / (double{scale_} * double{scale_});
-    fit_.errors.squares = squares_ * unit;
+    fit_.errors.squares = squares() * unit;
     fit_.errors.core_squares = core_squares * unit;
     fit_.errors.bound = bound_ * unit;
     fit_.errors.discarded *= unit;
@@ -458,6 +472,8 @@ class Fitter {
   std::vector<std::size_t> ranks_;
   float scale_ = 1;
   double squares_ = 0;  // of the scaled data
+  bool squares_known_ = false;
+  bool noted_file_ = false;
   double lost_ = 0;
   double bound_ = 0;
   TuckerFit fit_;

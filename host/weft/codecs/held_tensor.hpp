@@ -1,5 +1,6 @@
-// A tensor in host memory whose Gram matrices and mode products are made by a device, block by
-// block: it need not fit the device's memory or its largest allocation.
+// A tensor in host memory, or in a file beyond what that may hold, whose Gram matrices and mode
+// products are made by a device, block by block: it need not fit the device's memory or its largest
+// allocation. A device that shares the host's memory reads the blocks where they lie.
 #pragma once
 
 #include <cstddef>
@@ -8,16 +9,17 @@
 #include "weft/device/device.hpp"
 #include "weft/ops/arithmetic.hpp"
 #include "weft/ops/mode_product.hpp"
+#include "weft/tensor/float_store.hpp"
 
 namespace weft {
 
 class HeldTensor {
  public:
   HeldTensor() = default;
-  explicit HeldTensor(std::vector<std::size_t> tensor_sizes);
+  HeldTensor(std::vector<std::size_t> tensor_sizes, FloatStore::Place place);
 
   std::vector<std::size_t> sizes;
-  std::vector<float> values;  // row-major
+  FloatStore values;  // row-major
 
   // T_(n) T_(n)^T.
   std::vector<double> gram(Device& device, std::size_t mode, Arithmetic arithmetic) const;
@@ -32,6 +34,12 @@ class HeldTensor {
   // `longest`.
   static std::size_t working_bytes(const Device& device, std::size_t values, std::size_t longest,
                                    Arithmetic arithmetic);
+
+ private:
+  void project_slabs(Device& device, const ops::ModeView& view, std::size_t at_once,
+                     std::size_t rank, const Buffer& factor, Buffer& out);
+  void project_parts(Device& device, const ops::ModeView& view, std::size_t at_once,
+                     std::size_t rank, const Buffer& factor, Buffer& out);
 };
 
 }  // namespace weft

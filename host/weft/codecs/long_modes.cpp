@@ -112,7 +112,8 @@ LongModeVectors long_mode_vectors(Device& device, const HeldTensor& T, std::size
   constexpr std::size_t block_values = std::size_t{2} << 20;
   const std::size_t rows = view.outer * view.inner;
   MatrixPanels stream(
-      device, rows, view.size, turned.empty() ? std::span<const float>(T.values) : turned,
+      device, rows, view.size,
+      turned.empty() ? std::span(T.values) : std::span<const float>(turned),
       std::clamp<std::size_t>(block_values / std::max<std::size_t>(view.size, 1), 1, rows));
   LongModeVectors found = vectors_of(device, stream, rank, job);
   const double unit = 1 / (stream.scale() * stream.scale());

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <utility>
 
 #include "weft/codecs/fit_tucker.hpp"
@@ -16,6 +17,7 @@
 #include "weft/model/tucker_parts.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/reference/tucker.hpp"
+#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
@@ -31,6 +33,44 @@ std::string ranks_json(const ModeGroups& groups, std::span<const std::size_t> ra
     text += fmt::format("{}\"{}\":{}", text.empty() ? "" : ",", groups.groups()[n].name, ranks[n]);
   }
   return text;
+}
+
+// What the encoder says of itself, with room: a file's size shall not depend on the digits of its
+// errors or on how its goal was written.
+std::string with_room(std::string parameters) {
+  constexpr std::size_t room = 768;
+  // a quote takes two bytes in the file's header
+  const auto quotes = std::count(parameters.begin(), parameters.end(), '"');
+  const std::size_t bytes = parameters.size() + static_cast<std::size_t>(quotes);
+  parameters.insert(parameters.size() - 1, room - bytes % room, ' ');
+  return parameters;
+}
+
+// Of the measured errors, which the file will hold as well.
+constexpr std::size_t errors_room = 256;
+
+// TuckerRequest::header: what a file takes beside core and factors.
+auto header_of(const TuckerRequest& request, const BtfInfo& source) {
+  const auto outline = std::make_shared<TuckerModel>();
+  outline->info.codec = "tucker";
+  outline->info.parameters = with_room("{}");
+  outline->info.storage = request.storage;
+  outline->info.btf = source;
+  outline->set_groups(request.groups);
+  TuckerRequest plain = request;
+  plain.header = nullptr;
+  return [outline, plain](std::span<const std::size_t> ranks,
+                          std::span<const std::uint8_t> factors) {
+    const TuckerBytes bytes = tucker_bytes(plain, factors);
+    outline->ranks.assign(ranks.begin(), ranks.end());
+    outline->core = FloatStore(product(ranks));
+    for (std::size_t n = 0; n < ranks.size(); ++n) {
+      const std::size_t size = bytes.sizes[n];
+      const bool whole = size <= short_mode && ranks[n] == size;
+      outline->factors[n].resize(factors[n] != 0 && !whole ? size * ranks[n] : 0);
+    }
+    return model_file_size(*outline) + errors_room - static_cast<std::size_t>(bytes.numbers(ranks));
+  };
 }
 
 class TuckerReferenceDecoder final : public ReferenceDecoder {
@@ -54,8 +94,8 @@ class TuckerCodec final : public Codec {
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const TuckerParameters asked =
-        tucker_options(*this, parameters, source.info(), storage, &device);
+    TuckerParameters asked = tucker_options(*this, parameters, source.info(), storage, &device);
+    asked.options.request.header = header_of(asked.options.request, source.info());
     ops::require_arithmetic(device, asked.options.gram);
     job.plan(plan_tucker(device, source, asked.options, job));
     return finish(fit_tucker(device, source, asked.options, job), asked, source.info(), job);
@@ -63,8 +103,8 @@ class TuckerCodec final : public Codec {
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const TuckerParameters asked =
-        tucker_options(*this, parameters, source.info(), storage, nullptr);
+    TuckerParameters asked = tucker_options(*this, parameters, source.info(), storage, nullptr);
+    asked.options.request.header = header_of(asked.options.request, source.info());
     return finish(reference::encode_tucker(source, asked.options.request, job), asked,
                   source.info(), job);
   }
@@ -165,14 +205,14 @@ class TuckerCodec final : public Codec {
     }
     std::string how(name_of(request.method));
     if (iterates) how += fmt::format(" ({} from {})", request.iterations, name_of(request.start));
-    model.info.parameters = fmt::format(
+    model.info.parameters = with_room(fmt::format(
         R"({{"merge":"{}","method":"{}","start":"{}","iterations":{},"target":"{}","arithmetic":"{}",)"
         R"("ranks":{{{}}},"sizes":{{{}}},{}}})",
         request.groups.merge(), name_of(request.method), iterates ? name_of(request.start) : "",
         iterates ? request.iterations : 0, asked.goal.text,
         asked.options.gram == Arithmetic::f64 ? "f64" : "f32",
         ranks_json(model.groups, model.ranks), ranks_json(model.groups, model.groups.sizes()),
-        errors);
+        errors));
     job.notes.push_back(fmt::format("{}, ranks {}; |D|^2 - |Z|^2: relative error {:.6g}", how,
                                     ranks_json(model.groups, model.ranks), factors));
     if (request.method == TuckerMethod::hosvd && !asked.goal) {
@@ -190,23 +230,17 @@ class TuckerCodec final : public Codec {
     return std::move(fit.model);
   }
 
-  // The size is met by what is written, header and directions and all: the last ranks are cut by
-  // that.
+  // The size is met by what is written, header and directions and all: where its header takes more
+  // than was foreseen, ranks are cut again.
   void check_goal(TuckerModel& model, const TuckerRequest& request,
                   const TuckerParameters& asked) const {
     if (request.bytes == 0) return;
-    std::vector<std::uint8_t> factors;
-    for (std::size_t n = 0; n < model.ranks.size(); ++n) {
-      factors.push_back(model.has_factor(n) ? 1 : 0);
-    }
-    const TuckerBytes bytes = tucker_bytes(request, factors);
-    for (std::size_t size = model_file_size(model); size > request.bytes;
-         size = model_file_size(model)) {
-      const double numbers = bytes.of(model.ranks);
-      TuckerRequest smaller = request;
-      const double over = static_cast<double>(size - request.bytes);
-      if (over >= numbers) fail_size(size, asked);
-      smaller.bytes = static_cast<std::size_t>(numbers - over);
+    TuckerRequest smaller = request;
+    for (std::size_t size = model_file_size(model) + errors_room; size > request.bytes;
+         size = model_file_size(model) + errors_room) {
+      const std::size_t over = size - request.bytes;
+      if (over >= smaller.bytes) fail_size(size, asked);
+      smaller.bytes -= over;
       const std::vector<std::size_t> before = model.ranks;
       cut_to_goal(model, smaller, 1.0, 0.0);
       if (model.ranks == before) fail_size(size, asked);

@@ -111,9 +111,9 @@ struct Order {
   }
 };
 
-Buffer plain_buffer(Device& device, const std::vector<float>& values, const char* what) {
-  Buffer buffer(device, values.size() * sizeof(float), what);
-  device.write(buffer, std::span<const float>(values));
+Buffer plain_buffer(Device& device, std::span<const float> values, const char* what) {
+  Buffer buffer(device, values.size_bytes(), what);
+  device.write(buffer, values);
   return buffer;
 }
 
@@ -122,13 +122,20 @@ Buffer plain_buffer(Device& device, const std::vector<float>& values, const char
 //
 //   [ceil(columns / NR)][groups][rows][NR]
 //
-// With one group these are the panels of gemm.cl.
-Buffer packed_core(Device& device, std::span<const float> core, std::size_t rows,
-                   std::size_t groups, std::size_t columns) {
+// With one group these are the panels of gemm.cl. Of a core in a file they are `held` in another.
+Buffer packed_core(Device& device, const FloatStore& core, std::size_t rows, std::size_t groups,
+                   std::size_t columns, FloatStore& held) {
   const std::size_t width = ops::panel_width(device);
   const std::size_t panels = ops::ceil_div(columns, width);
   const std::size_t panel_values = groups * rows * width;
-  Buffer packed(device, panels * panel_values * sizeof(float), "core");
+  const bool in_file = core.place() == FloatStore::Place::file && device.limits().unified_memory;
+  Buffer packed;
+  if (in_file) {
+    held = FloatStore(panels * panel_values, FloatStore::Place::file);
+    packed = Buffer::wrap(device, std::as_bytes(std::span<const float>(held)), "core");
+  } else {
+    packed = Buffer(device, panels * panel_values * sizeof(float), "core");
+  }
   constexpr std::size_t most_values = std::size_t{2} << 20;
   const std::size_t at_once = std::clamp<std::size_t>(most_values / panel_values, 1, panels);
   std::vector<float> part(at_once * panel_values);
@@ -146,6 +153,12 @@ Buffer packed_core(Device& device, std::span<const float> core, std::size_t rows
         }
       }
     }
+    if (in_file) {
+      std::copy_n(part.begin(), count * panel_values, held.begin() + first * panel_values);
+      core.release();
+      held.release();
+      continue;
+    }
     device.write(packed, std::span<const float>(part).first(count * panel_values),
                  first * panel_values);
   }
@@ -159,9 +172,10 @@ class TuckerDeviceDecoder final : public DeviceDecoder {
     const TuckerCore& core = order_.core;
     if (order_.views_factor) {
       // the core's product with a view is slices, or a matrix of lights in panels
-      core_ = order_.plain_lights
-                  ? packed_core(device, model.core, core.views, core.lights, core.slice())
-                  : packed_core(device, model.core, core.views, 1, core.lights * core.slice());
+      core_ =
+          order_.plain_lights
+              ? packed_core(device, model.core, core.views, core.lights, core.slice(), held_)
+              : packed_core(device, model.core, core.views, 1, core.lights * core.slice(), held_);
       views_ = plain_buffer(device, model.factors[0], "factor of views");
       view_values_ = order_.plain_lights ? ops::packed_elements(device, core.lights, core.slice())
                                          : core.lights * core.slice();
@@ -319,6 +333,7 @@ class TuckerDeviceDecoder final : public DeviceDecoder {
   Order order_;
   TexelFactors texels_;
   std::size_t view_values_ = 0;  // from one view's slices to the next
+  FloatStore held_;              // the core in panels, where they are in a file
   Buffer core_;                  // [views][lights][slice], or in panels if views have a factor
   Buffer views_, lights_, channels_;
   Buffer of_views_;  // products with rows of views, of views_at_once
@@ -340,6 +355,7 @@ std::size_t tucker_decoder_bytes(const TuckerModel& model) {
   const TuckerCore& core = order.core;
   const std::size_t rows = order.images_at_once() * core.light_channels;
   std::size_t values = model.coefficients();
+  if (model.core.place() == FloatStore::Place::file) values -= model.core.size();
   // the core in panels, and what of it lies on the host on the way
   if (order.views_factor) {
     values += core.views * (order.view_values() - core.lights * core.slice()) +

@@ -4,6 +4,7 @@
 
 #include "weft/codecs/held_tensor.hpp"
 #include "weft/codecs/long_modes.hpp"
+#include "weft/codecs/scattered_rows.hpp"
 #include "weft/tensor/sizes.hpp"
 
 namespace weft {
@@ -49,8 +50,10 @@ By first_kind(const TuckerRequest& request) {
                                                                               : By::images;
 }
 
-MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& options,
-                       const Job& job) {
+namespace {
+
+MemoryPlan working_plan(Device& device, TileSource& source, const TuckerOptions& options,
+                        const Job& job) {
   const TuckerRequest& request = options.request;
   MemoryPlan plan;
   std::size_t streaming = 0;
@@ -60,7 +63,8 @@ MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& 
     streaming = std::max(streaming, tiles.bytes());
     tile = std::max(tile, tiles.largest_values() * sizeof(float));
   }
-  plan.add("tile", streaming + 3 * tile);
+  plan.add("tile", streaming + 3 * tile +
+                       ScatteredRows::bytes(source.info().shape.values(), tile / sizeof(float)));
   plan.add("products", HeldTensor::working_bytes(device, source.info().shape.values(),
                                                  longest_cut(request), options.gram));
   for (std::size_t n = 0; n < request.groups.count(); ++n) {
@@ -73,18 +77,41 @@ MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& 
       plan.add("small problem", 6 * size * size * sizeof(double));
     }
   }
-  if (!request.has_goal()) {
-    const double held = held_values(request, first_kind(request)) * sizeof(float);
-    plan.add("projected tensor", static_cast<std::size_t>(held));
-    if (request.method == TuckerMethod::hooi) {
-      const double other = std::max(held_values(request, By::texels),
-                                    cuts_any(request, By::images) && cuts_any(request, By::texels)
-                                        ? held_values(request, By::images)
-                                        : 0.0);
-      plan.add("projected tensors of an iteration",
-               static_cast<std::size_t>(other) * 2 * sizeof(float));
-    }
-    plan.add("model", product(request.most) * sizeof(float));
+  return plan;
+}
+
+// Tensors of that size that are held at a time: an iteration makes one from another.
+std::size_t held_at_once(const TuckerRequest& request) {
+  return request.method == TuckerMethod::hooi ? 2 : 1;
+}
+
+std::size_t largest_held(const TuckerRequest& request) {
+  double held = held_values(request, first_kind(request));
+  if (request.method == TuckerMethod::hooi && cuts_any(request, By::images) &&
+      cuts_any(request, By::texels)) {
+    held = std::max(held_values(request, By::texels), held_values(request, By::images));
+  }
+  return static_cast<std::size_t>(held) * sizeof(float);
+}
+
+}  // namespace
+
+FloatStore::Place place_of_held(Device& device, TileSource& source, const TuckerOptions& options,
+                                const Job& job, std::size_t bytes) {
+  std::size_t others = working_plan(device, source, options, job).total();
+  for (const MemoryItem& item : job.held) others += item.bytes;
+  const std::size_t held = held_at_once(options.request) * bytes;
+  return others + held <= job.memory ? FloatStore::Place::memory : FloatStore::Place::file;
+}
+
+MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& options,
+                       const Job& job) {
+  const TuckerRequest& request = options.request;
+  MemoryPlan plan = working_plan(device, source, options, job);
+  if (request.has_goal()) return plan;
+  const std::size_t held = largest_held(request);
+  if (place_of_held(device, source, options, job, held) == FloatStore::Place::memory) {
+    plan.add("projected tensor", held_at_once(request) * held);
   }
   return plan;
 }

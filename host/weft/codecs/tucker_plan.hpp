@@ -8,6 +8,7 @@
 #include "weft/device/device.hpp"
 #include "weft/job.hpp"
 #include "weft/reference/tucker.hpp"
+#include "weft/tensor/float_store.hpp"
 
 namespace weft {
 
@@ -18,9 +19,13 @@ TensorTiles::By kind_of(const ModeGroup& group);
 // leaves less; with a goal, and between equals, directions.
 TensorTiles::By first_kind(const TuckerRequest& request);
 
-// What the fit will take. With a goal, the ranks are not known: the projected tensor is then
-// planned where they are, and fit_tucker() throws if it does not fit.
+// What the fit will take. The projected tensor is counted where its size is known, without a goal,
+// and where it is held in memory; else it goes to a file.
 MemoryPlan plan_tucker(Device& device, TileSource& source, const TuckerOptions& options,
                        const Job& job);
+
+// Where a projected tensor of so many bytes is held, beside what else the fit takes.
+FloatStore::Place place_of_held(Device& device, TileSource& source, const TuckerOptions& options,
+                                const Job& job, std::size_t bytes);
 
 }  // namespace weft

@@ -15,6 +15,7 @@
 
 #include "weft/device/device.hpp"
 #include "weft/ops/arithmetic.hpp"
+#include "weft/ops/syrk_rows.hpp"
 
 namespace weft::ops {
 
@@ -31,8 +32,9 @@ ModeView mode_view(std::span<const std::size_t> sizes, std::size_t mode);
 enum class ModeProduct { project, expand };
 
 // out = T x_n U^T or T x_n U for a row-major factor U [I][R]: T has the size I and out R in mode n,
-// or the other way round. One product where the mode is first or last, else a batch of `outer`
-// products. |error| <= gamma(product_terms(size of T in mode n)) |U| |T|.
+// or the other way round. Where the mode is last that is one product; where neighbours behind it
+// fill vectors, strips of T go through kernels/mode_product.cl on CPU devices; else it is a batch
+// of `outer` products. |error| <= gamma(product_terms(size of T in mode n)) |U| |T|.
 void mode_product(Device& device, const ModeView& view, const Buffer& T, ModeProduct kind,
                   const Buffer& U, std::size_t other_size, Buffer& out);
 // Bytes that it holds beside.
@@ -44,21 +46,27 @@ class ModeGram {
  public:
   ModeGram(Device& device, std::size_t size, Arithmetic arithmetic);
 
-  // Adds a part; its view has the size of the mode. Waits for the device.
+  // Adds a part; its view has the size of the mode. T must live until the device is done with it.
   void add(const Buffer& T, const ModeView& view);
 
-  // size x size, symmetric.
-  const std::vector<double>& matrix() const { return matrix_; }
+  // size x size, symmetric. Waits for the device.
+  const std::vector<double>& matrix();
 
   // Bytes that it holds on the device and here, for parts of at most `rows` = outer inner.
   static std::size_t bytes(const Device& device, std::size_t size, std::size_t rows,
                            Arithmetic arithmetic);
 
  private:
+  void add_packed(const Buffer& T, const ModeView& view, const Result& C);
+  void add_waiting();
+
   Device& device_;
   std::size_t size_;
   Arithmetic arithmetic_;
-  Buffer product_;
+  Buffer product_;           // of parts that were not added yet
+  std::size_t waiting_ = 0;  // how many
+  RowScratch scratch_;
+  std::size_t scratch_rows_ = 0;  // that it is for
   std::vector<double> matrix_;
 };
 

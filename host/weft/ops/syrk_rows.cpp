@@ -1,5 +1,7 @@
 #include "weft/ops/syrk_rows.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 #include "weft/ops/launch.hpp"
@@ -33,20 +35,36 @@ std::size_t row_of(std::size_t m) {
 
 }  // namespace
 
+RowScratch row_scratch(Device& device, std::size_t m, std::size_t K, Arithmetic arithmetic) {
+  const Cut parts = cut(m, K, arithmetic);
+  const std::size_t size = size_of(arithmetic);
+  return {Buffer(device, parts.slices * m * parts.depth * size, "blocks of long rows"),
+          Buffer(device, parts.slices * m * row_of(m) * size, "partial sums of a product")};
+}
+
 void syrk_rows(Device& device, std::size_t m, std::size_t K, double alpha, const LongRows& X,
-               double beta, const Result& C, Written written, Arithmetic arithmetic) {
+               double beta, const Result& C, Written written, Arithmetic arithmetic,
+               RowScratch& scratch) {
   require_arithmetic(device, arithmetic);
   if (m == 0) return;
   const Cut parts = cut(m, K, arithmetic);
-  const std::size_t size = size_of(arithmetic);
-  Buffer copy(device, parts.slices * m * parts.depth * size, "blocks of long rows");
-  Buffer partial(device, parts.slices * m * row_of(m) * size, "partial sums of a product");
-  const cl_kernel kernel =
-      device.kernel(kernel_sources::syrk_rows, vector_option(device, arithmetic), "syrk_rows");
+  const std::size_t x_bits = X.floats ? 32 : 8 * size_of(arithmetic);
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::syrk_rows,
+      fmt::format("{} -DX_BITS={}", vector_option(device, arithmetic), x_bits), "syrk_rows");
   set_arguments(kernel, ulong(m), ulong(K), ulong(parts.slice), ulong(parts.depth), *X.buffer,
-                ulong(X.offset), ulong(X.leading), copy, partial, ulong(row_of(m)));
+                ulong(X.offset), ulong(X.leading), ulong(X.inner > 0 ? X.inner : K), ulong(X.batch),
+                scratch.copy, scratch.partial, ulong(row_of(m)));
   launch_items(device, kernel, parts.slices);
-  add_slices(device, m, parts.slices, partial, row_of(m), alpha, beta, C, written, arithmetic);
+  add_slices(device, m, parts.slices, scratch.partial, row_of(m), alpha, beta, C, written,
+             arithmetic);
+}
+
+void syrk_rows(Device& device, std::size_t m, std::size_t K, double alpha, const LongRows& X,
+               double beta, const Result& C, Written written, Arithmetic arithmetic) {
+  if (m == 0) return;
+  RowScratch scratch = row_scratch(device, m, K, arithmetic);
+  syrk_rows(device, m, K, alpha, X, beta, C, written, arithmetic, scratch);
   // The driver keeps a released buffer until its kernels have run: no more than one at a time.
   device.finish();
 }

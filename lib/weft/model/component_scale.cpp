@@ -76,11 +76,14 @@ std::vector<float> component_scales(std::span<const float> values, const Compone
 }
 
 void to_scaled_half(std::span<const float> values, const ComponentLayout& layout,
-                    std::span<const float> scales, std::span<std::uint16_t> out) {
-  for_each_run(layout, [&](std::size_t component, std::size_t first, std::size_t count) {
-    const float inverse = 1.0f / scales[component];  // a power of two too
-    for (std::size_t i = first; i < first + count; ++i) out[i] = scaled_half(values[i], inverse);
-  });
+                    std::span<const float> scales, std::span<std::uint16_t> out,
+                    std::size_t first) {
+  for (std::size_t i = 0; i < values.size();) {
+    const std::size_t run = (first + i) / layout.inner;
+    const std::size_t end = std::min(values.size(), (run + 1) * layout.inner - first);
+    const float inverse = 1.0f / scales[run % layout.components];  // a power of two too
+    for (; i < end; ++i) out[i] = scaled_half(values[i], inverse);
+  }
 }
 
 void from_scaled_half(std::span<const std::uint16_t> halves, const ComponentLayout& layout,

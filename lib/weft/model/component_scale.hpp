@@ -24,8 +24,10 @@ ComponentLayout component_layout(std::span<const std::size_t> shape, std::size_t
 // One scale per component; 1 for an all-zero one. Values must be finite.
 std::vector<float> component_scales(std::span<const float> values, const ComponentLayout& layout);
 
+// Of the values from the tensor's index `first` on.
 void to_scaled_half(std::span<const float> values, const ComponentLayout& layout,
-                    std::span<const float> scales, std::span<std::uint16_t> out);
+                    std::span<const float> scales, std::span<std::uint16_t> out,
+                    std::size_t first = 0);
 void from_scaled_half(std::span<const std::uint16_t> halves, const ComponentLayout& layout,
                       std::span<const float> scales, std::span<float> out);
 

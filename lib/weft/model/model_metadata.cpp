@@ -79,6 +79,24 @@ std::string checksum_of(std::span<const std::byte> bytes) {
   return fmt::format("{:016x}", XXH3_64bits(bytes.data(), bytes.size()));
 }
 
+// Its state must be aligned to 64 bytes, which the library's own allocation sees to.
+struct Checksum::State {
+  XXH3_state_t* hash = XXH3_createState();
+  State() { XXH3_64bits_reset(hash); }
+  ~State() { XXH3_freeState(hash); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+};
+
+Checksum::Checksum() : state_(std::make_unique<State>()) {}
+Checksum::~Checksum() = default;
+void Checksum::add(std::span<const std::byte> bytes) {
+  XXH3_64bits_update(state_->hash, bytes.data(), bytes.size());
+}
+std::string Checksum::text() const {
+  return fmt::format("{:016x}", XXH3_64bits_digest(state_->hash));
+}
+
 std::string checksums_json(const Checksums& checksums) {
   return json(checksums).dump();
 }

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +18,21 @@ using Checksums = std::map<std::string, std::string>;
 
 // XXH3-64 over bytes as they are stored.
 std::string checksum_of(std::span<const std::byte> bytes);
+
+// The same of bytes that come in parts.
+class Checksum {
+ public:
+  Checksum();
+  ~Checksum();
+  Checksum(const Checksum&) = delete;
+  Checksum& operator=(const Checksum&) = delete;
+  void add(std::span<const std::byte> bytes);
+  std::string text() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 // Throws an input error that names `where` if a field can't be written.
 Metadata model_metadata(const ModelInfo& info, const std::string& where);

@@ -1,5 +1,5 @@
 // Writing a model: its real-valued tensors as F32, or as F16 beside their scales.
-#include <cstring>
+#include <algorithm>
 #include <utility>
 
 #include "weft/error.hpp"
@@ -47,9 +47,9 @@ Plan plan_of(const Model& model, const std::string& where) {
 }
 
 // The values of a real-valued tensor. Throws if one is not finite: no reader would take it.
-std::vector<float> checked_values(const ModelTensor& tensor, const std::string& where) {
-  std::vector<float> values(tensor.values.size() / sizeof(float));
-  if (!values.empty()) std::memcpy(values.data(), tensor.values.data(), tensor.values.size());
+std::span<const float> checked_values(const ModelTensor& tensor, const std::string& where) {
+  const std::span<const float> values(reinterpret_cast<const float*>(tensor.values.data()),
+                                      tensor.values.size() / sizeof(float));
   for (std::size_t i = 0; i < values.size(); ++i) {
     // x - x is NaN for an infinity and for NaN.
     if (values[i] - values[i] != 0) {
@@ -71,17 +71,29 @@ std::size_t write_model(const std::filesystem::path& path, const Model& model) {
     writer.write(name, 0, bytes);
     plan.checksums[name] = checksum_of(bytes);
   };
+  // A tensor may be most of what memory holds: its halves are made a block at a time.
+  const auto write_halves = [&](const ModelTensor& tensor, std::span<const float> values) {
+    constexpr std::size_t block = std::size_t{1} << 20;
+    const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
+    const std::vector<float> scales = component_scales(values, layout);
+    write(tensor.name + ".scale", std::as_bytes(std::span(scales)));
+    std::vector<std::uint16_t> halves(std::min(block, values.size()));
+    Checksum checksum;
+    for (std::size_t first = 0; first < values.size(); first += block) {
+      const std::size_t count = std::min(block, values.size() - first);
+      to_scaled_half(values.subspan(first, count), layout, scales, halves, first);
+      const auto bytes = std::as_bytes(std::span<const std::uint16_t>(halves).first(count));
+      writer.write(tensor.name, first * sizeof(std::uint16_t), bytes);
+      checksum.add(bytes);
+    }
+    plan.checksums[tensor.name] = checksum.text();
+  };
 
   for (const ModelTensor& tensor : model.tensors()) {
     if (is_float(tensor.dtype)) {
-      const std::vector<float> values = checked_values(tensor, where);
+      const std::span<const float> values = checked_values(tensor, where);
       if (stored_as_half(tensor, model.info.storage)) {
-        const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
-        const std::vector<float> scales = component_scales(values, layout);
-        std::vector<std::uint16_t> halves(values.size());
-        to_scaled_half(values, layout, scales, halves);
-        write(tensor.name + ".scale", std::as_bytes(std::span(scales)));
-        write(tensor.name, std::as_bytes(std::span(halves)));
+        write_halves(tensor, values);
         continue;
       }
     }

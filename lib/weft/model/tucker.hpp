@@ -19,13 +19,14 @@
 #include "weft/btf/selection.hpp"
 #include "weft/model/model.hpp"
 #include "weft/model/model_file.hpp"
+#include "weft/tensor/float_store.hpp"
 
 namespace weft {
 
 struct TuckerModel final : Model {
   ModeGroups groups;
   std::vector<std::size_t> ranks;           // R_1 .. R_N, at least 1: sizes of the core
-  std::vector<float> core;                  // Z [R_1]...[R_N]
+  FloatStore core;                          // Z [R_1]...[R_N]
   std::vector<std::vector<float>> factors;  // U_n [I_n][R_n], or empty for an identity
 
   bool has_factor(std::size_t n) const { return !factors[n].empty(); }

@@ -32,7 +32,7 @@ void for_each_part(std::string_view list, const std::function<void(std::string_v
   }
 }
 
-std::vector<double> widened(const std::vector<float>& values) {
+std::vector<double> widened(std::span<const float> values) {
   return {values.begin(), values.end()};
 }
 
@@ -100,7 +100,7 @@ std::unique_ptr<TuckerModel> expanded(const TuckerModel& model, std::string_view
     larger->ranks[n] = size;
     larger->factors[n].clear();
   });
-  larger->core.assign(core.begin(), core.end());
+  larger->core = std::vector<float>(core.begin(), core.end());
   // products are not halves
   if (larger->ranks != model.ranks) larger->info.storage = Storage::f32;
   return larger;
@@ -160,7 +160,7 @@ std::unique_ptr<TuckerModel> at_directions(const TuckerModel& model, const BtfIn
       between->ranks[n] = rows;
     }
   }
-  between->core.assign(core.begin(), core.end());
+  between->core = std::vector<float>(core.begin(), core.end());
   return between;
 }
 

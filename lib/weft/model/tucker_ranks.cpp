@@ -1,32 +1,36 @@
 #include "weft/model/tucker_ranks.hpp"
 
 #include <algorithm>
-#include <functional>
 #include <limits>
+#include <utility>
+
+#include "weft/tensor/sizes.hpp"
 
 namespace weft {
 namespace {
 
-using Loss = std::function<double(const std::vector<std::size_t>&, std::size_t)>;
+// Squared norms of the slices of each mode: [mode][index].
+using Slices = std::vector<std::vector<double>>;
 
-// Cuts one rank at a time while the goal asks for it or allows it. `loss` says what is lost by
-// cutting mode n of the given ranks by one.
+// Cuts one rank at a time while the goal asks for it or allows it. Cutting mode n of the given
+// ranks by one loses its last slice; `lessen` takes that out of the other modes' slices.
+template <typename Lessen>
 RankChoice cut(std::span<const std::size_t> sizes, const TuckerBytes& bytes, const RankGoal& goal,
-               const std::vector<std::uint8_t>& modes, const Loss& loss) {
+               const std::vector<std::uint8_t>& modes, Slices slices, const Lessen& lessen) {
   RankChoice choice{{sizes.begin(), sizes.end()}, 0};
   std::vector<std::size_t>& ranks = choice.ranks;
   while (goal.most_bytes == 0 || bytes.of(ranks) > goal.most_bytes) {
-    const double held = bytes.of(ranks);
+    const double held = bytes.numbers(ranks);
     double best = std::numeric_limits<double>::infinity();
     double best_loss = 0;
     std::size_t mode = ranks.size();
     for (std::size_t n = 0; n < ranks.size(); ++n) {
       if (modes[n] == 0 || ranks[n] == 1) continue;
-      const double lost = loss(ranks, n);
+      const double lost = std::max(0.0, slices[n][ranks[n] - 1]);
       if (goal.most_bytes == 0 && choice.lost + lost > goal.most_lost) continue;
       --ranks[n];
       // the first cut of a short mode may cost more than it saves
-      const double saved = std::max(1.0, held - bytes.of(ranks));
+      const double saved = std::max(1.0, held - bytes.numbers(ranks));
       ++ranks[n];
       if (lost / saved < best) {
         best = lost / saved;
@@ -35,42 +39,68 @@ RankChoice cut(std::span<const std::size_t> sizes, const TuckerBytes& bytes, con
       }
     }
     if (mode == ranks.size()) break;
+    lessen(slices, ranks, mode);
     --ranks[mode];
     choice.lost += best_loss;
   }
   return choice;
 }
 
-// Squared norm of the last slice of mode n in the leading part `ranks` of a core.
-double slice_squares(std::span<const float> core, std::span<const std::size_t> sizes,
-                     const std::vector<std::size_t>& ranks, std::size_t n, std::size_t mode,
-                     std::size_t offset) {
-  if (mode + 1 == sizes.size()) {
-    const std::size_t first = offset * sizes[mode];
-    double sum = 0;
-    for (std::size_t i = n == mode ? ranks[mode] - 1 : 0; i < ranks[mode]; ++i) {
-      sum += double{core[first + i]} * double{core[first + i]};
+// Calls use(index, row) for every row of neighbours of a core's leading part `ranks`, or of the
+// last slice of mode `last` in it.
+template <typename Use>
+void for_each_row(std::span<const float> core, std::span<const std::size_t> sizes,
+                  std::span<const std::size_t> ranks, std::size_t last, const Use& use) {
+  const std::size_t rows = sizes.size() - 1;
+  std::vector<std::size_t> index(sizes.size(), 0);
+  if (last < index.size()) index[last] = ranks[last] - 1;
+  for (;;) {
+    std::size_t offset = 0;
+    for (std::size_t n = 0; n < rows; ++n) offset = offset * sizes[n] + index[n];
+    const std::size_t first = index[rows];
+    use(index, core.subspan(offset * sizes[rows] + first, ranks[rows] - first));
+    std::size_t n = rows;
+    while (n-- > 0) {
+      if (n == last) continue;
+      if (++index[n] < ranks[n]) break;
+      index[n] = 0;
     }
-    return sum;
+    if (n == static_cast<std::size_t>(-1)) return;
   }
-  double sum = 0;
-  for (std::size_t i = n == mode ? ranks[mode] - 1 : 0; i < ranks[mode]; ++i) {
-    sum += slice_squares(core, sizes, ranks, n, mode + 1, offset * sizes[mode] + i);
-  }
-  return sum;
 }
 
-// Squared norm of the leading part `ranks` of a core.
-double part_squares(std::span<const float> core, std::span<const std::size_t> sizes,
-                    const std::vector<std::size_t>& ranks, std::size_t mode = 0,
-                    std::size_t offset = 0) {
-  double sum = 0;
-  for (std::size_t i = 0; i < ranks[mode]; ++i) {
-    const std::size_t at = offset * sizes[mode] + i;
-    sum += mode + 1 == sizes.size() ? double{core[at]} * double{core[at]}
-                                    : part_squares(core, sizes, ranks, mode + 1, at);
+// Adds the squares of a row to those of its places; returns their sum.
+double add_squares(std::span<const float> row, double* places) {
+  double sums[4] = {0, 0, 0, 0};
+  std::size_t i = 0;
+  for (; i + 4 <= row.size(); i += 4) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      const double square = double{row[i + j]} * double{row[i + j]};
+      places[i + j] += square;
+      sums[j] += square;
+    }
   }
-  return sum;
+  for (; i < row.size(); ++i) {
+    const double square = double{row[i]} * double{row[i]};
+    places[i] += square;
+    sums[0] += square;
+  }
+  return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
+// Takes the last slice of mode n of a core's leading part out of the other modes' slices.
+void lessen_slices(std::span<const float> core, std::span<const std::size_t> sizes, Slices& slices,
+                   std::span<const std::size_t> ranks, std::size_t n) {
+  const std::size_t last = sizes.size() - 1;
+  std::vector<double> places(sizes[last], 0.0);
+  for_each_row(core, sizes, ranks, n, [&](const auto& index, std::span<const float> row) {
+    const double squares = add_squares(row, places.data());
+    for (std::size_t m = 0; m < last; ++m) {
+      if (m != n) slices[m][index[m]] -= squares;
+    }
+  });
+  if (n == last) return;
+  for (std::size_t i = 0; i < places.size(); ++i) slices[last][i] -= places[i];
 }
 
 // The modes that may be cut, without short ones.
@@ -82,22 +112,103 @@ std::vector<std::uint8_t> longer_modes(const TuckerBytes& bytes) {
   return modes;
 }
 
+// Ranks in equal proportion to the modes that take part, ascending: round(I_n t) for every t that
+// makes one of them another.
+std::vector<std::vector<std::size_t>> proportions(std::span<const std::size_t> modes,
+                                                  std::span<const std::uint8_t> take_part) {
+  struct Step {
+    std::size_t numerator;  // t = numerator / (2 size)
+    std::size_t size;
+  };
+  std::vector<Step> steps;
+  for (std::size_t n = 0; n < modes.size(); ++n) {
+    if (take_part[n] == 0) continue;
+    for (std::size_t k = 1; k <= modes[n]; ++k) steps.push_back({2 * k - 1, modes[n]});
+  }
+  std::sort(steps.begin(), steps.end(), [](const Step& a, const Step& b) {
+    return a.numerator * b.size < b.numerator * a.size;
+  });
+  std::vector<std::vector<std::size_t>> levels;
+  for (const Step& step : steps) {
+    std::vector<std::size_t> ranks(modes.begin(), modes.end());
+    for (std::size_t n = 0; n < modes.size(); ++n) {
+      if (take_part[n] == 0) continue;
+      ranks[n] =
+          std::max<std::size_t>(1, (modes[n] * step.numerator + step.size) / (2 * step.size));
+    }
+    if (levels.empty() || levels.back() != ranks) levels.push_back(std::move(ranks));
+  }
+  return levels;
+}
+
+// What a core's rows say of its slices, and of ranks in equal proportion.
+struct CoreSums {
+  Slices slices;
+  std::vector<std::vector<std::size_t>> levels;  // none longer than the core
+  std::vector<double> lost;                      // beyond each level
+};
+
+CoreSums sums_of(std::span<const float> core, std::span<const std::size_t> sizes,
+                 std::vector<std::vector<std::size_t>> levels) {
+  CoreSums sums;
+  sums.levels = std::move(levels);
+  const std::size_t last = sizes.size() - 1;
+  std::vector<std::vector<std::size_t>> entry(sizes.size());  // the level that first holds an index
+  for (std::size_t n = 0; n < sizes.size(); ++n) {
+    sums.slices.emplace_back(sizes[n], 0.0);
+    for (std::size_t level = 0; level < sums.levels.size(); ++level) {
+      std::size_t& rank = sums.levels[level][n];
+      rank = std::min(rank, sizes[n]);
+      while (entry[n].size() < rank) entry[n].push_back(level);
+    }
+    entry[n].resize(sizes[n], sums.levels.size());
+  }
+  std::vector<double> squares(sums.levels.size() + 1, 0.0);  // that enter with each level
+  std::vector<double> late(sizes[last], 0.0);  // of places that enter later than their row
+  const std::vector<std::size_t> whole(sizes.begin(), sizes.end());
+  for_each_row(
+      core, sizes, whole, sizes.size(), [&](const auto& index, std::span<const float> row) {
+        std::size_t level = 0;
+        for (std::size_t m = 0; m < last; ++m) {
+          level = std::max(level, entry[m][index[m]]);
+        }
+        const auto early = static_cast<std::size_t>(
+            std::upper_bound(entry[last].begin(), entry[last].end(), level) - entry[last].begin());
+        double* places = sums.slices[last].data();
+        const double first = add_squares(row.first(early), places);
+        const double rest = add_squares(row.subspan(early), late.data() + early);
+        squares[level] += first;
+        for (std::size_t m = 0; m < last; ++m) sums.slices[m][index[m]] += first + rest;
+      });
+  for (std::size_t i = 0; i < late.size(); ++i) {
+    sums.slices[last][i] += late[i];
+    squares[entry[last][i]] += late[i];
+  }
+  sums.lost.assign(sums.levels.size(), 0.0);
+  double lost = 0;
+  for (std::size_t level = sums.levels.size(); level-- > 0;) {
+    lost += squares[level + 1];
+    sums.lost[level] = lost;
+  }
+  return sums;
+}
+
+// Copies the leading part to `to`, which may be where the core begins.
 void copy_part(std::span<const float> core, std::span<const std::size_t> sizes,
-               std::span<const std::size_t> ranks, std::size_t mode, std::size_t offset,
-               std::vector<float>& part) {
-  if (mode + 1 == sizes.size()) {
-    const auto row = core.begin() + static_cast<std::ptrdiff_t>(offset * sizes[mode]);
-    part.insert(part.end(), row, row + static_cast<std::ptrdiff_t>(ranks[mode]));
-    return;
-  }
-  for (std::size_t i = 0; i < ranks[mode]; ++i) {
-    copy_part(core, sizes, ranks, mode + 1, offset * sizes[mode] + i, part);
-  }
+               std::span<const std::size_t> ranks, float* to) {
+  for_each_row(core, sizes, ranks, sizes.size(), [&](const auto&, std::span<const float> row) {
+    if (to != row.data()) std::copy(row.begin(), row.end(), to);
+    to += row.size();
+  });
 }
 
 }  // namespace
 
 double TuckerBytes::of(std::span<const std::size_t> ranks) const {
+  return numbers(ranks) + (header ? static_cast<double>(header(ranks)) : 0.0);
+}
+
+double TuckerBytes::numbers(std::span<const std::size_t> ranks) const {
   double core = 1;
   double rest = static_cast<double>(ranks[0] * scale_bytes);
   for (std::size_t n = 0; n < ranks.size(); ++n) {
@@ -112,16 +223,16 @@ double TuckerBytes::of(std::span<const std::size_t> ranks) const {
 
 RankChoice cut_ranks(std::span<const float> core, std::span<const std::size_t> sizes,
                      const TuckerBytes& bytes, const RankGoal& goal) {
-  const Loss loss = [&](const std::vector<std::size_t>& ranks, std::size_t n) {
-    return slice_squares(core, sizes, ranks, n, 0, 0);
-  };
-  const double all =
-      part_squares(core, sizes, std::vector<std::size_t>(sizes.begin(), sizes.end()));
+  const std::vector<std::uint8_t> longer = longer_modes(bytes);
+  const CoreSums sums = sums_of(core, sizes, proportions(bytes.sizes, longer));
   const bool by_bytes = goal.most_bytes > 0;
   const auto meets = [&](const RankChoice& choice) {
     return by_bytes ? bytes.of(choice.ranks) <= goal.most_bytes : choice.lost <= goal.most_lost;
   };
-  RankChoice best = cut(sizes, bytes, goal, bytes.factors, loss);
+  const auto lessen = [&](Slices& slices, std::span<const std::size_t> ranks, std::size_t n) {
+    lessen_slices(core, sizes, slices, ranks, n);
+  };
+  RankChoice best = cut(sizes, bytes, goal, bytes.factors, sums.slices, lessen);
   const auto offer = [&](RankChoice choice) {
     if (!meets(choice)) return;
     const bool better =
@@ -129,26 +240,13 @@ RankChoice cut_ranks(std::span<const float> core, std::span<const std::size_t> s
     if (better || !meets(best)) best = std::move(choice);
   };
   // A slice of a short mode is a large part of the core: once without those.
-  const std::vector<std::uint8_t> longer = longer_modes(bytes);
-  if (longer != bytes.factors) offer(cut(sizes, bytes, goal, longer, loss));
-  // Ranks in equal proportion to the modes: the smallest of 256 proportions that loses no more than
-  // it may, or the largest that fits.
-  const auto proportional = [&](std::size_t part) {
-    RankChoice choice{{sizes.begin(), sizes.end()}, 0};
+  if (longer != bytes.factors) offer(cut(sizes, bytes, goal, longer, sums.slices, lessen));
+  for (std::size_t level = 0; level < sums.levels.size(); ++level) {
+    RankChoice choice{{sizes.begin(), sizes.end()}, sums.lost[level]};
     for (std::size_t n = 0; n < sizes.size(); ++n) {
-      if (longer[n] == 0) continue;
-      choice.ranks[n] = std::clamp<std::size_t>((bytes.sizes[n] * part + 128) / 256, 1, sizes[n]);
+      if (longer[n] != 0) choice.ranks[n] = sums.levels[level][n];
     }
-    choice.lost = all - part_squares(core, sizes, choice.ranks);
-    return choice;
-  };
-  std::size_t low = 0;
-  std::size_t high = 256;
-  while (high - low > 1) {
-    const std::size_t middle = (low + high) / 2;
-    const RankChoice choice = proportional(middle);
-    offer(choice);
-    (meets(choice) == by_bytes ? low : high) = middle;
+    offer(std::move(choice));
   }
   return best;
 }
@@ -156,10 +254,16 @@ RankChoice cut_ranks(std::span<const float> core, std::span<const std::size_t> s
 RankChoice cut_ranks(std::span<const std::vector<double>> spectra,
                      std::span<const std::size_t> sizes, const TuckerBytes& bytes,
                      const RankGoal& goal) {
-  return cut(sizes, bytes, goal, longer_modes(bytes),
-             [&](const std::vector<std::size_t>& ranks, std::size_t n) {
-               return std::max(0.0, spectra[n][ranks[n] - 1]);
-             });
+  return cut(sizes, bytes, goal, longer_modes(bytes), Slices(spectra.begin(), spectra.end()),
+             [](const Slices&, std::span<const std::size_t>, std::size_t) {});
+}
+
+std::vector<std::size_t> equal_proportion(const TuckerBytes& bytes, double most_bytes) {
+  std::vector<std::size_t> best(bytes.sizes.size(), 1);
+  for (const std::vector<std::size_t>& ranks : proportions(bytes.sizes, longer_modes(bytes))) {
+    if (bytes.of(ranks) <= most_bytes) best = ranks;
+  }
+  return best;
 }
 
 double tail(std::span<const double> spectrum, std::size_t rank) {
@@ -181,12 +285,15 @@ std::size_t rank_within(std::span<const double> spectrum, double most_lost) {
 
 std::vector<float> leading_part(std::span<const float> core, std::span<const std::size_t> sizes,
                                 std::span<const std::size_t> ranks) {
-  std::vector<float> part;
-  std::size_t count = 1;
-  for (const std::size_t rank : ranks) count *= rank;
-  part.reserve(count);
-  copy_part(core, sizes, ranks, 0, 0, part);
+  std::vector<float> part(product(ranks));
+  copy_part(core, sizes, ranks, part.data());
   return part;
+}
+
+void keep_leading_part(FloatStore& core, std::span<const std::size_t> sizes,
+                       std::span<const std::size_t> ranks) {
+  copy_part(core, sizes, ranks, core.data());
+  core.shrink(product(ranks));
 }
 
 std::vector<float> leading_columns(std::span<const float> factor, std::size_t columns,

@@ -7,21 +7,27 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
+
+#include "weft/tensor/float_store.hpp"
 
 namespace weft {
 
 // A mode of so few indices, as channels, is cut last: its factor is left out where it is whole.
 inline constexpr std::size_t short_mode = 4;
 
-// What a model's numbers take: `value_bytes` each, and `scale_bytes` for each component.
+// What a model takes: its numbers `value_bytes` each, `scale_bytes` for each component, and the
+// rest of its file.
 struct TuckerBytes {
   std::size_t value_bytes = 2;
   std::size_t scale_bytes = 4;
   std::vector<std::size_t> sizes;     // I_n
   std::vector<std::uint8_t> factors;  // whether mode n has one
+  std::function<std::size_t(std::span<const std::size_t>)> header = nullptr;  // of such ranks
 
+  double numbers(std::span<const std::size_t> ranks) const;
   double of(std::span<const std::size_t> ranks) const;
 };
 
@@ -32,7 +38,8 @@ struct RankGoal {
 
 // Ranks below those of the core [R_1]...[R_N], each at least 1, as the goal allows, and what
 // squared norm is lost with them. Modes without a factor keep theirs. They are cut one by one, with
-// and without short modes, and in equal proportion; the best of these is taken.
+// and without short modes, and in every equal proportion; the best of these is taken. Slices' norms
+// are summed once and lessened by what is cut: about two passes over the core in all.
 struct RankChoice {
   std::vector<std::size_t> ranks;
   double lost = 0;
@@ -46,6 +53,10 @@ RankChoice cut_ranks(std::span<const std::vector<double>> spectra,
                      std::span<const std::size_t> sizes, const TuckerBytes& bytes,
                      const RankGoal& goal);
 
+// The largest ranks in equal proportion to the modes, rounded, that take no more bytes; 1 each if
+// none do. Short modes and those without a factor stay whole.
+std::vector<std::size_t> equal_proportion(const TuckerBytes& bytes, double most_bytes);
+
 // The smallest rank, at least 1, with a tail of at most `most_lost`.
 std::size_t rank_within(std::span<const double> spectrum, double most_lost);
 
@@ -55,6 +66,9 @@ double tail(std::span<const double> spectrum, std::size_t rank);
 // The leading part [ranks] of a row-major core.
 std::vector<float> leading_part(std::span<const float> core, std::span<const std::size_t> sizes,
                                 std::span<const std::size_t> ranks);
+// The same in place.
+void keep_leading_part(FloatStore& core, std::span<const std::size_t> sizes,
+                       std::span<const std::size_t> ranks);
 // The leading columns of a row-major factor.
 std::vector<float> leading_columns(std::span<const float> factor, std::size_t columns,
                                    std::size_t kept);

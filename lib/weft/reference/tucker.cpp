@@ -113,11 +113,16 @@ TuckerBytes tucker_bytes(const TuckerRequest& request, std::span<const std::uint
   bytes.scale_bytes = request.storage == Storage::f16 ? 4 : 0;
   bytes.sizes = request.groups.sizes();
   bytes.factors.assign(factors.begin(), factors.end());
+  if (request.header) {
+    bytes.header = [&request, of = bytes.factors](std::span<const std::size_t> ranks) {
+      return request.header(ranks, of);
+    };
+  }
   return bytes;
 }
 
 double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squares, double lost) {
-  if (!request.has_goal() || squares == 0) return lost;
+  if (!request.has_goal() || (squares == 0 && request.bytes == 0)) return lost;
   std::vector<std::uint8_t> factors;
   for (std::size_t n = 0; n < model.ranks.size(); ++n) {
     factors.push_back(model.has_factor(n) ? 1 : 0);
@@ -127,7 +132,7 @@ double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squa
   goal.most_lost = request.relative * request.relative * squares - lost;
   const RankChoice choice =
       cut_ranks(model.core, model.ranks, tucker_bytes(request, factors), goal);
-  model.core = leading_part(model.core, model.ranks, choice.ranks);
+  keep_leading_part(model.core, model.ranks, choice.ranks);
   for (std::size_t n = 0; n < model.ranks.size(); ++n) {
     if (model.has_factor(n)) {
       model.factors[n] = leading_columns(model.factors[n], model.ranks[n], choice.ranks[n]);
@@ -222,10 +227,15 @@ class Encoder {
     if (request_.bytes > 0) {
       std::vector<std::uint8_t> cut;
       for (const std::vector<double>& spectrum : spectra) cut.push_back(spectrum.empty() ? 0 : 1);
+      const TuckerBytes bytes = tucker_bytes(request_, cut);
+      const auto most = static_cast<double>(request_.bytes);
       const RankChoice choice =
-          cut_ranks(spectra, request_.groups.sizes(), tucker_bytes(request_, cut),
-                    {0, first_bytes * static_cast<double>(request_.bytes)});
-      for (std::size_t n = 0; n < ranks.size(); ++n) ranks[n] = std::min(ranks[n], choice.ranks[n]);
+          cut_ranks(spectra, request_.groups.sizes(), bytes, {0, first_bytes * most});
+      // what is left must hold ranks in equal proportion too, for cut_to_goal() to compare
+      const std::vector<std::size_t> equal = equal_proportion(bytes, most);
+      for (std::size_t n = 0; n < ranks.size(); ++n) {
+        ranks[n] = std::min(ranks[n], std::max(choice.ranks[n], equal[n]));
+      }
     } else if (request_.relative > 0) {
       const auto modes = std::count_if(spectra.begin(), spectra.end(),
                                        [](const auto& spectrum) { return !spectrum.empty(); });
@@ -324,7 +334,7 @@ class Encoder {
     TuckerModel& model = *fit_.model;
     model.set_groups(request_.groups);
     model.ranks = core.sizes;
-    model.core.assign(core.values.begin(), core.values.end());
+    model.core = std::vector<float>(core.values.begin(), core.values.end());
     for (std::size_t n = 0; n < factors_.size(); ++n) {
       model.factors[n].assign(factors_[n].begin(), factors_[n].end());
     }

@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -34,7 +35,9 @@ struct TuckerRequest {
   TuckerMethod start = TuckerMethod::sthosvd;  // of hooi
   std::size_t iterations = 3;
   double relative = 0;    // goal: |D - D'| / |D| of the factors before they are stored; 0: none
-  std::size_t bytes = 0;  // goal: most bytes of core and factors; 0: none
+  std::size_t bytes = 0;  // goal: most bytes of the file; 0: none
+  // Bytes of a file beside core and factors, of these ranks and modes with factors.
+  std::function<std::size_t(std::span<const std::size_t>, std::span<const std::uint8_t>)> header;
   Storage storage = Storage::f16;
 
   bool has_goal() const { return relative > 0 || bytes > 0; }
@@ -67,7 +70,7 @@ std::vector<std::size_t> cheapest_cuts(std::span<const std::size_t> sizes,
                                        std::span<const std::size_t> ranks,
                                        std::vector<std::size_t> modes);
 
-// Bytes of numbers and scales, as the request stores them.
+// Bytes of a file, as the request stores it; the request must outlive it.
 TuckerBytes tucker_bytes(const TuckerRequest& request, std::span<const std::uint8_t> factors);
 
 // Cuts the ranks of a model with orthonormal factors further, as the request's goal asks or allows;

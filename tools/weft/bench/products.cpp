@@ -2,11 +2,13 @@
 #include <fmt/core.h>
 
 #include <memory>
+#include <string>
 
 #include "bench/benchmark.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/ops/matrix_product.hpp"
+#include "weft/ops/mode_product.hpp"
 #include "weft/ops/syrk.hpp"
 
 namespace weft {
@@ -89,6 +91,41 @@ Benchmark long_rows(std::size_t m, std::size_t K) {
   return benchmark;
 }
 
+std::string view_text(const ops::ModeView& view) {
+  return fmt::format("{} x {} x {}", view.outer, view.size, view.inner);
+}
+
+// T_(n) T_(n)^T of a tensor [outer][n][inner].
+Benchmark mode_gram(const ops::ModeView& view) {
+  const auto values = static_cast<double>(view.elements());
+  Benchmark benchmark{"mode_gram", view_text(view), values * static_cast<double>(view.size + 1),
+                      4.0 * values};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto T = std::make_shared<Buffer>(random_buffer(device, view.elements(), "T"));
+    const auto G = std::make_shared<ops::ModeGram>(device, view.size, Arithmetic::f32);
+    return [=] { G->add(*T, view); };
+  };
+  return benchmark;
+}
+
+// T x_n U^T.
+Benchmark mode_product(const ops::ModeView& view, std::size_t rank) {
+  const auto values = static_cast<double>(view.elements());
+  const std::size_t out = view.outer * rank * view.inner;
+  Benchmark benchmark{"mode_product", fmt::format("{}, rank {}", view_text(view), rank),
+                      2.0 * values * static_cast<double>(rank),
+                      4.0 * (values + static_cast<double>(out))};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto T = std::make_shared<Buffer>(random_buffer(device, view.elements(), "T"));
+    const auto U = std::make_shared<Buffer>(random_buffer(device, view.size * rank, "U"));
+    const auto W = std::make_shared<Buffer>(device, out * sizeof(float), "W");
+    return [=, &device] {
+      ops::mode_product(device, view, *T, ops::ModeProduct::project, *U, rank, *W);
+    };
+  };
+  return benchmark;
+}
+
 // The two products of a pass of an encoder over one run of images.
 constexpr std::size_t texels = 16384, rows = 192, block = 72;
 constexpr double pass_flops = 2.0 * texels * rows * block;
@@ -133,6 +170,14 @@ std::vector<Benchmark> product_benchmarks() {
       gram_matrix(243, 130000),
       gram_matrix(1024, 1024, Arithmetic::f64),
       long_rows(81, 250000),
+      mode_gram({1, 81, 15552}),
+      mode_gram({81, 81, 192}),
+      mode_gram({256, 128, 128}),
+      mode_gram({32768, 128, 1}),
+      mode_product({1, 81, 15552}, 75),
+      mode_product({75, 81, 192}, 54),
+      mode_product({256, 128, 128}, 100),
+      mode_product({32768, 128, 1}, 100),
       {"gemm, W = A^T Q", "192 x 72 x 16384", pass_flops, pass_bytes, false, images_times_basis},
       {"gemm, Y^T += W^T A^T", "72 x 16384 x 192", pass_flops, pass_bytes, false,
        texels_from_images},
