@@ -221,7 +221,7 @@ TEST(BatchOmp, RankDeficientDictionaries) {
 }
 
 // Targets above and below what the inner products can tell.
-TEST(BatchOmp, EndsAtASmallResidual) {
+TEST(BatchOmp, EndsFarBelowTheSignal) {
   Problem problem = random_problem(64, 12, 60, 23);
   for (const double residual : {1e-1, 2e-3, 1e-3, 1e-4, 1e-5}) {
     expect_every_way(problem, {12, residual});
