@@ -143,7 +143,7 @@ TEST(PackMode, SmallPanelsArePaddedWithZeros) {
     const cl_kernel kernel = device.kernel(kernel_sources::pack_mode,
                                            ops::vector_option(device) + " -DROWS=5", "pack_mode");
     set_arguments(kernel, in.buffer(), ops::ulong(n), ops::ulong(inner), ops::ulong(0),
-                       ops::ulong(rows), out.buffer());
+                  ops::ulong(rows), out.buffer());
     ops::launch_items(device, kernel, panels, ops::ceil_div(rows, 5));
     const std::vector<float> found = out.values<float>();
     EXPECT_TRUE(out.intact());
