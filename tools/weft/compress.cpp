@@ -1,4 +1,6 @@
 // weft compress: fits a model to a raw BTF, measures its errors and writes it.
+#include "weft/codecs/compress.hpp"
+
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -14,13 +16,10 @@
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
-#include "weft/codecs/codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
-#include "weft/codecs/measure.hpp"
-#include "weft/codecs/tt.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
-#include "weft/version.hpp"
+#include "weft/metrics/ssim.hpp"
 
 namespace weft {
 namespace {
@@ -40,15 +39,6 @@ struct CompressOptions {
   OutputOptions report;
 };
 
-// Options of the table of codecs that were given must belong to the chosen codec.
-void check_parameters(const Codec& codec, const Parameters& parameters) {
-  for (const auto& [name, value] : parameters) {
-    bool known = false;
-    for (const ParameterSpec& spec : codec.parameters()) known = known || spec.name == name;
-    if (!known) fail_input("--{} {}: not a parameter of codec {}", name, value, codec.name());
-  }
-}
-
 void run_compress(const CompressOptions& options) {
   using Clock = std::chrono::steady_clock;
   // Everything that can be wrong with the request is found before any work.
@@ -62,6 +52,7 @@ void run_compress(const CompressOptions& options) {
   if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
   const Codec& codec = find_codec(options.codec);
   check_parameters(codec, options.parameters);
+  check_parameters(codec, options.parameters);
   // A tensor train is cut further as it is, and measured against what it decodes to.
   std::unique_ptr<Device> device;
   std::shared_ptr<const Model> given;
@@ -73,7 +64,7 @@ void run_compress(const CompressOptions& options) {
   } else {
     input = open_raw_btf(options.input);
   }
-  const auto* train = dynamic_cast<const TtModel*>(given.get());
+  const auto train = std::dynamic_pointer_cast<const TtModel>(given);
   const Selection selection = make_selection(options.selection, input->info());
   if (given && (!train || !selection.selects_all())) {
     fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
@@ -88,32 +79,17 @@ void run_compress(const CompressOptions& options) {
   Job& job = reported.job();
   job.seed = options.seed;
   job.nan_zero = nan_zero;
-  const Storage storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
-
-  // fit
+  CompressRequest request;
+  request.codec = &codec;
+  request.parameters = options.parameters;
+  request.storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
+  request.selection = to_json(selection);
+  request.peak = options.peak;
+  request.ssim = options.ssim;
+  request.train = train;
   const Clock::time_point start = Clock::now();
-  const std::unique_ptr<Model> model =
-      train    ? round_tt(*train, options.parameters, storage, job)
-      : device ? codec.encode(*device, *source, options.parameters, storage, job)
-               : codec.encode_reference(*source, options.parameters, storage, job);
-  const double encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
-  model->info.selection = train ? train->info.selection : to_json(selection);
-  model->info.program_version = version();
-
-  // measure the model as it is stored
-  SimilarityRequest similarity{options.peak, {}};
-  SimilarityRequest* const wanted = options.ssim ? &similarity : nullptr;
-  ErrorSums sums;
-  if (device) {
-    sums = measure_errors(*device, *codec.decoder(*device, *model), *source, job, wanted);
-  } else {
-    sums = measure_errors(*codec.reference_decoder(*model), *source, job, wanted);
-  }
-  const double peak = options.peak > 0 ? options.peak : psnr_peak(source->info(), sums);
-  ErrorReport measured = weft::report(sums, peak);
-  if (options.ssim) measured.ssim = similarity.sums.mean();
-  // a model's errors are those of the raw BTF
-  if (!train) model->info.errors = measured;
+  const CompressResult result = compress(device.get(), *source, request, job);
+  const std::unique_ptr<Model>& model = result.model;
 
   // write
   std::size_t size = 0;
@@ -138,10 +114,10 @@ void run_compress(const CompressOptions& options) {
   report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
   if (train) report.add("errors_against", options.input);
   Report& errors = report.section("errors");
-  add_error_fields(errors, measured);
-  if (options.ssim) errors.add("lowest_ssim", similarity.sums.lowest);
+  add_error_fields(errors, result.errors);
+  if (options.ssim) errors.add("lowest_ssim", result.lowest_ssim);
   report.add("device", device_name(device));
-  report.add("encode_time", encode_seconds, "s");
+  report.add("encode_time", result.encode_seconds, "s");
   report.add("time", seconds, "s");
   report.add("input_rate", static_cast<double>(source->info().bytes()) / seconds / 1e6, "MB/s");
   reported.add_fields(report);

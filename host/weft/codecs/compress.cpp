@@ -1,0 +1,69 @@
+#include "weft/codecs/compress.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+#include "weft/codecs/measure.hpp"
+#include "weft/codecs/tt.hpp"
+#include "weft/error.hpp"
+#include "weft/version.hpp"
+
+namespace weft {
+namespace {
+
+// A model of the source, stored as the request says.
+std::unique_ptr<Model> fit(Device* device, TileSource& source, const CompressRequest& request,
+                           Job& job) {
+  if (request.train) return round_tt(*request.train, request.parameters, request.storage, job);
+  const Codec& codec = *request.codec;
+  return device ? codec.encode(*device, source, request.parameters, request.storage, job)
+                : codec.encode_reference(source, request.parameters, request.storage, job);
+}
+
+// Errors of the stored model against the source.
+void measure(Device* device, TileSource& source, const CompressRequest& request,
+             CompressResult& result, Job& job) {
+  SimilarityRequest similarity{request.peak, {}};
+  SimilarityRequest* const wanted = request.ssim ? &similarity : nullptr;
+  const Model& model = *result.model;
+  const Codec& codec = *request.codec;
+  const ErrorSums sums =
+      device ? measure_errors(*device, *codec.decoder(*device, model), source, job, wanted)
+             : measure_errors(*codec.reference_decoder(model), source, job, wanted);
+  const double peak = request.peak > 0 ? request.peak : psnr_peak(source.info(), sums);
+  result.errors = report(sums, peak);
+  if (request.ssim) {
+    result.errors.ssim = similarity.sums.mean();
+    result.lowest_ssim = similarity.sums.lowest;
+  }
+}
+
+}  // namespace
+
+void check_parameters(const Codec& codec, const Parameters& parameters) {
+  const auto specs = codec.parameters();
+  for (const auto& [name, value] : parameters) {
+    const bool known = std::any_of(specs.begin(), specs.end(),
+                                   [&](const ParameterSpec& spec) { return spec.name == name; });
+    if (!known) fail_input("--{} {}: not a parameter of codec {}", name, value, codec.name());
+  }
+}
+
+CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
+                        Job& job) {
+  using Clock = std::chrono::steady_clock;
+  check_parameters(*request.codec, request.parameters);
+  CompressResult result;
+  const Clock::time_point start = Clock::now();
+  result.model = fit(device, source, request, job);
+  result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  ModelInfo& info = result.model->info;
+  info.selection = request.train ? request.train->info.selection : request.selection;
+  info.program_version = version();
+
+  measure(device, source, request, result, job);
+  if (!request.train) info.errors = result.errors;
+  return result;
+}
+
+}  // namespace weft

@@ -1,0 +1,43 @@
+// Compression: from a source to a model with the errors that were measured of it.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "weft/codecs/codec.hpp"
+#include "weft/metrics/error_sums.hpp"
+#include "weft/model/tt.hpp"
+
+namespace weft {
+
+struct CompressRequest {
+  const Codec* codec = nullptr;
+  Parameters parameters;
+  Storage storage = Storage::f16;
+  std::string selection = "{}";  // what of the raw BTF the source is, as the model records it
+  double peak = 0;               // of the PSNR; 0: by the data's type
+  bool ssim = false;
+  // A tensor train that is cut further instead of fitting one: the source is what it decodes to.
+  std::shared_ptr<const TtModel> train;
+};
+
+struct CompressResult {
+  std::unique_ptr<Model> model;  // as it is stored
+  ErrorReport errors;            // against the source
+  // of the images, where the similarity was asked for
+  double lowest_ssim = std::numeric_limits<double>::quiet_NaN();
+  double encode_seconds = 0;
+};
+
+// Compresses all of `source` on the device, or by the reference if it is null. Errors are measured:
+// the model, as stored, is decoded and compared with the source; the model holds them too, unless
+// it was cut of a train, whose errors are no raw BTF's. Throws input errors for parameters that the
+// codec does not have or that make no sense, and what the codec's encoder throws.
+CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
+                        Job& job);
+
+// Throws the input error for parameters that are not the codec's.
+void check_parameters(const Codec& codec, const Parameters& parameters);
+
+}  // namespace weft
