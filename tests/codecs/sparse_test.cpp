@@ -1,4 +1,4 @@
-// The codec `sparse`: data of sparse tensors, errors that add up, goals, and what is refused.
+// The codec `sparse`: data of sparse tensors, errors that add up, and what is refused.
 #include "weft/codecs/sparse.hpp"
 
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "codecs/codec_runs.hpp"
-#include "model/random_sparse.hpp"
+#include "codecs/sparse_source.hpp"
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
@@ -20,18 +20,6 @@ namespace {
 const SparseModel& as_sparse(const Model& model) {
   return dynamic_cast<const SparseModel&>(model);
 }
-
-// Sparse tensors with noise: some structure for every step.
-std::shared_ptr<MemorySource> sparse_source(const BtfShape& shape, double noise = 0.02) {
-  const SparseModel model = random_sparse(shape, {20, 16, 3, 3});
-  std::vector<double> values(shape.values());
-  reference::decode_sparse(model, 0, shape.images(), values);
-  Random random(31);
-  for (double& value : values) value += noise * random.normal();
-  return source_of(shape, DType::f32, values);
-}
-
-const BtfShape material{6, 7, 20, 18, 3};
 
 Parameters parameters(std::size_t k1, std::size_t k2, const char* atoms = "24,20",
                       const char* rank = "40") {
@@ -66,7 +54,7 @@ TEST_P(Sparse, HoldsEverythingWithAnAtomForEverySignal) {
 
 // Longer lists, and more atoms, hold more of the data.
 TEST_P(Sparse, ErrorsFallWithTerms) {
-  const auto source = sparse_source(material);
+  const auto source = sparse_source(sparse_material);
   double before = 1;
   for (const std::size_t k : Sizes{1, 2, 4, 6}) {
     const auto model = run().encode(*source, parameters(k, k), Storage::f32);
@@ -80,7 +68,7 @@ TEST_P(Sparse, ErrorsFallWithTerms) {
 
 // Section 4.2: the squared error is well approximated by the sum of those of the approximations.
 TEST_P(Sparse, ErrorsAddUp) {
-  const auto source = sparse_source(material, 0.1);
+  const auto source = sparse_source(sparse_material, 0.1);
   Job job;
   const SparseOptions options = [] {
     SparseOptions o;
@@ -106,7 +94,7 @@ TEST_P(Sparse, ErrorsAddUp) {
 }
 
 TEST_P(Sparse, UpdatesOfAtomsDoAlike) {
-  const auto source = sparse_source(material);
+  const auto source = sparse_source(sparse_material);
   for (const char* update : {"exact", "approximate"}) {
     Parameters chosen = parameters(3, 3);
     chosen["update"] = update;
@@ -117,7 +105,7 @@ TEST_P(Sparse, UpdatesOfAtomsDoAlike) {
 }
 
 TEST_P(Sparse, UnmadeAtomsAndBytesOfIndices) {
-  const auto source = sparse_source(material);
+  const auto source = sparse_source(sparse_material);
   const auto model = run().encode(*source, parameters(3, 3, "300,16"), Storage::f16);
   const SparseModel& sparse = as_sparse(*model);
   EXPECT_LE(sparse.abrdf_atoms, 16U);
@@ -143,89 +131,6 @@ TEST_P(Sparse, ParametersAreChecked) {
   refused({{"k2", "9"}, {"atoms", "16,8"}}, {"--k2 9", "8 atoms"});
   refused({{"update", "best"}}, {"--update best"});
   refused({{"target", "psnr=40"}}, {"--target psnr=40"});
-}
-
-double reached_with(const Parameters& chosen, TileSource& source, std::size_t* bytes = nullptr) {
-  const CodecRun run{"sparse", true};
-  const auto model = run.encode(source, chosen, Storage::f16);
-  if (bytes != nullptr) *bytes = model_file_size(*model);
-  return relative(run.measure(*model, source));
-}
-
-// The best that fits: within the size, and using it but for one more term.
-TEST(SparseGoal, SizesAreKept) {
-  const auto source = sparse_source(material);
-  double before = 1;
-  for (const std::size_t allowed : Sizes{9000, 12000, 16000}) {
-    std::size_t bytes = 0;
-    const double error = reached_with(
-        {{"atoms", "24,20"}, {"iterations", "8"}, {"target", "size=" + std::to_string(allowed)}},
-        *source, &bytes);
-    EXPECT_LE(bytes, allowed);
-    // k2 takes 3 bytes a texel, and the header some
-    EXPECT_GT(bytes, allowed - 20 * 18 * 3 - 600);
-    EXPECT_LT(error, before);
-    before = error;
-  }
-}
-
-TEST(SparseGoal, ProjectionsThatMakeMostOfTheErrorGetAHigherRank) {
-  const auto source = sparse_source(material);
-  const auto fit = [&](std::size_t most_rank) {
-    SparseOptions options;
-    options.light_atoms = 24;
-    options.abrdf_atoms = 20;
-    options.iterations = 8;
-    options.rank = 2;
-    options.most_rank = most_rank;
-    options.goal.kind = FitGoal::Kind::size;
-    options.goal.bytes = 16000;
-    Job job;
-    return fit_sparse(shared_device(), *source, options, job);
-  };
-  const SparseFit raised = fit(12);
-  const SparseFit kept = fit(0);
-  EXPECT_GT(raised.rank, 2U);
-  EXPECT_EQ(kept.rank, 2U);
-  EXPECT_LT(raised.errors.foreseen(), kept.errors.foreseen());
-}
-
-TEST(SparseGoal, RelativeErrorsAreMet) {
-  const auto source = sparse_source(material);
-  std::size_t coarse = 0;
-  std::size_t fine = 0;
-  EXPECT_LE(
-      reached_with({{"atoms", "40"}, {"iterations", "8"}, {"target", "rel=0.5"}}, *source, &coarse),
-      0.5);
-  EXPECT_LE(
-      reached_with({{"atoms", "40"}, {"iterations", "8"}, {"target", "rel=0.3"}}, *source, &fine),
-      0.3);
-  EXPECT_LT(coarse, fine);
-}
-
-TEST(SparseGoal, UnmetOnesSayWhatWasReached) {
-  const auto source = sparse_source(material);
-  expect_error(ErrorKind::unmet_goal, {"--target size=3000", "3000 are allowed", "--atoms"}, [&] {
-    reached_with({{"atoms", "24,20"}, {"iterations", "2"}, {"target", "size=3000"}}, *source);
-  });
-  expect_error(ErrorKind::unmet_goal, {"--target rel=0.1", "k1 = 1, k2 = 1", "--atoms"}, [&] {
-    reached_with(
-        {{"atoms", "8"}, {"k1", "1"}, {"k2", "1"}, {"iterations", "2"}, {"target", "rel=0.1"}},
-        *source);
-  });
-  expect_error(ErrorKind::unmet_goal, {"--target rel=0.02: ", "2 components", "--rank"}, [&] {
-    reached_with({{"rank", "2"}, {"target", "rel=0.02"}}, *source);
-  });
-  const auto flat =
-      source_of({2, 3, 4, 5, 3}, DType::f32, std::vector<double>(2 * 3 * 20 * 3, 0.5));
-  expect_error(ErrorKind::unmet_goal, {"--target size=100", "mean", "100 are allowed"}, [&] {
-    reached_with({{"target", "size=100"}}, *flat);
-  });
-  EXPECT_EQ(reached_with({{"target", "size=10000"}}, *flat), 0);
-  const CodecRun reference{"sparse", false};
-  expect_error(ErrorKind::input, {"--target ratio=10", "reference"}, [&] {
-    reference.encode(*source, {{"target", "ratio=10"}}, Storage::f16);
-  });
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "support/generators.hpp"
@@ -99,28 +100,30 @@ std::size_t bytes_of(std::size_t k1, std::size_t k2) {
   return 100 + 10 * k1 + 20 * k2;
 }
 
-TEST(SparseLengths, AreTheBestThatFit) {
+// (3, 1) takes as many bytes as (1, 2) and leaves more, (3, 2) more than (1, 3).
+TEST(SparseLengths, AreThoseThatNoOtherBeats) {
   const std::vector<double> views{9, 5, 4, 3.5};
   const std::vector<double> texels{20, 10, 4, 1};
-  const auto best = lengths_of_size(views, texels, bytes_of, 170);
-  ASSERT_TRUE(best);
-  EXPECT_EQ(best->view_terms, 1U);
-  EXPECT_EQ(best->texel_terms, 3U);
-  EXPECT_EQ(best->squares, 6);
-  EXPECT_FALSE(lengths_of_size(views, texels, bytes_of, 129));
-  EXPECT_EQ(lengths_of_size(views, texels, bytes_of, 130)->texel_terms, 1U);
-  // all that there are
-  EXPECT_EQ(lengths_of_size(views, texels, bytes_of, 100000)->squares, 4.5);
+  const std::vector<SparseLengthChoice> best = best_lengths(views, texels, bytes_of);
+  const std::vector<std::array<double, 4>> expected{
+      {1, 1, 15, 130}, {2, 1, 14, 140}, {1, 2, 9, 150},  {2, 2, 8, 160},
+      {1, 3, 6, 170},  {2, 3, 5, 180},  {3, 3, 4.5, 190}};
+  ASSERT_EQ(best.size(), expected.size());
+  for (std::size_t i = 0; i < best.size(); ++i) {
+    EXPECT_EQ(best[i].view_terms, expected[i][0]) << i;
+    EXPECT_EQ(best[i].texel_terms, expected[i][1]) << i;
+    EXPECT_EQ(best[i].squares, expected[i][2]) << i;
+    EXPECT_EQ(best[i].bytes, expected[i][3]) << i;
+  }
 }
 
-TEST(SparseLengths, AreTheFewestThatMeetAnError) {
-  const std::vector<double> views{9, 5, 4, 3.5};
-  const std::vector<double> texels{20, 10, 4, 1};
-  const auto best = lengths_of_error(views, texels, bytes_of, 6);
-  ASSERT_TRUE(best);
-  EXPECT_EQ(best->view_terms, 1U);
-  EXPECT_EQ(best->texel_terms, 3U);
-  EXPECT_FALSE(lengths_of_error(views, texels, bytes_of, 4.4));
+// Longer lists that leave as much are none of them.
+TEST(SparseLengths, OfErrorsThatDoNotFall) {
+  const std::vector<SparseLengthChoice> best =
+      best_lengths(std::vector<double>{1, 1, 1}, std::vector<double>{2, 1, 1}, bytes_of);
+  ASSERT_EQ(best.size(), 1U);
+  EXPECT_EQ(best[0].bytes, 130U);
+  EXPECT_TRUE(best_lengths(std::vector<double>{1}, std::vector<double>{2, 1}, bytes_of).empty());
 }
 
 }  // namespace

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,19 +12,12 @@
 #include "weft/codecs/sparse_decoder.hpp"
 #include "weft/codecs/truncated_svd.hpp"
 #include "weft/error.hpp"
-#include "weft/model/model_file.hpp"
 #include "weft/model/sparse_lengths.hpp"
 #include "weft/ops/matrix_product.hpp"
 
 namespace weft {
 namespace {
 
-// The part of a relative error that is left to the projection.
-constexpr double projection_share = 0.5;
-// The part of a squared error beyond which the projection gets a higher rank.
-constexpr double projection_squares = 0.5;
-// Rounds of longer lists, where the measured error misses a goal that was foreseen to be met.
-constexpr int most_rounds = 4;
 // Bytes of the basis that are on the device at a time.
 constexpr std::size_t basis_bytes = std::size_t{64} << 20;
 
@@ -48,30 +39,9 @@ class WithinPlan {
   std::size_t held_;
 };
 
-// The sizes of a fit that follow from the data's.
-struct SparseSizes {
-  std::size_t texels;
-  std::size_t row;          // n = V L C
-  std::size_t fibre;        // L C
-  std::size_t rank;         // at most
-  std::size_t abrdf_atoms;  // no more than signals
-  std::size_t light_atoms;
-
-  SparseSizes(const BtfShape& shape, const SparseOptions& options)
-      : texels(shape.texels()),
-        row(shape.images() * shape.channels),
-        fibre(shape.lights * shape.channels),
-        rank(std::min({options.rank, texels, row})),
-        abrdf_atoms(std::min(options.abrdf_atoms, texels)),
-        light_atoms(std::min(options.light_atoms, abrdf_atoms * shape.views)) {}
-};
-
 SvdOptions svd_options(const SparseOptions& options) {
   SvdOptions svd;
   svd.rank = options.rank;
-  if (options.goal.kind == FitGoal::Kind::relative) {
-    svd.tolerance = projection_share * options.goal.relative;
-  }
   return svd;
 }
 
@@ -90,50 +60,29 @@ CodeLists code_lists(const KsvdFit<float>& fit, std::size_t length) {
   return {length, fit.indices, {fit.coefficients.begin(), fit.coefficients.end()}};
 }
 
-class SparseFitter {
+class DeviceEncoder final : public SparseEncoder {
  public:
-  SparseFitter(Device& device, TileSource& source, const SparseOptions& options, Job& job)
+  DeviceEncoder(Device& device, TileSource& source, const SparseOptions& options, Job& job)
       : device_(device),
         source_(source),
         options_(options),
         job_(job),
+        within_(job),
         held_(job.held.size()),
         shape_(source.info().shape),
         sizes_(shape_, options) {}
 
-  SparseFit fit() {
-    const WithinPlan within(job_);
-    project();
-    if (rank_ == 0) return fit_mean();
-    if (options_.goal.kind == FitGoal::Kind::size) return fit_size();
-    if (options_.goal.kind == FitGoal::Kind::relative) return fit_relative();
-    decompose(options_.view_terms, options_.texel_terms, options_.iterations, false);
-    return finish();
-  }
-
- private:
-  TruncatedSvd projection() {
-    try {
-      return truncated_svd(device_, source_, svd_options(options_), job_);
-    } catch (const Error& error) {
-      if (error.kind() != ErrorKind::unmet_goal || !options_.goal) throw;
-      // "--tolerance E: what was reached", but nobody asked for E
-      const std::string_view text = error.what();
-      const std::size_t colon = text.find(": ");
-      fail(ErrorKind::unmet_goal, "--target {}: half of that, {:g}, is left to the projection; {}",
-           options_.goal.text, projection_share * options_.goal.relative,
-           colon == std::string_view::npos ? text : text.substr(colon + 2));
-    }
-  }
-
   // Mean, Y = U Sigma and W.
-  void project() {
+  void project(std::size_t rank) override {
     // nothing of a projection of lower rank is held meanwhile
     job_.held.resize(held_);
     for (std::vector<float>* values : {&Y_, &W_, &B_}) *values = std::vector<float>();
     texels_ = KsvdFit<float>();
     views_ = KsvdFit<float>();
-    TruncatedSvd svd = projection();
+    options_.rank = rank;
+    sizes_ = SparseSizes(shape_, options_);
+    job_.plan(plan_sparse(device_, source_, options_, job_));
+    TruncatedSvd svd = truncated_svd(device_, source_, svd_options(options_), job_);
     job_.notes.push_back(fmt::format("projection: svd {}, {} passes over the data, rank {}: {}",
                                      name_of(svd.method), svd.passes, svd.rank, svd.reason));
     mean_ = std::move(svd.mean);
@@ -172,15 +121,52 @@ class SparseFitter {
     job_.held.push_back({"ABRDFs", sizes_.abrdf_atoms * sizes_.row * sizeof(float)});
   }
 
-  // Both K-SVDs; `warm`: from the dictionaries of the decomposition before.
-  void decompose(std::size_t view_terms, std::size_t texel_terms, std::size_t iterations,
-                 bool warm) {
-    KsvdOptions options = ksvd_options(options_, sizes_.abrdf_atoms, texel_terms, job_.seed);
+  std::size_t rank() const override { return rank_; }
+  double projection_error() const override { return part(projection_); }
+
+  SparseFit fit(std::size_t view_terms, std::size_t texel_terms, std::size_t iterations) override {
+    texel_start_.clear();
+    view_start_.clear();
+    SparseFit fit = refit(view_terms, texel_terms, iterations);
+    texel_start_ = texels_.dictionary;
+    view_start_ = views_.dictionary;
+    return fit;
+  }
+
+  SparseFit refit(std::size_t view_terms, std::size_t texel_terms,
+                  std::size_t iterations) override {
+    if (rank_ > 0) decompose(view_terms, texel_terms, iterations);
+    return {model(), rank_, {projection_error(), part(texels_.objective), part(views_.objective)}};
+  }
+
+  SparseLengthErrors length_errors() override {
+    SparseLengthErrors errors{truncation_errors(sizes_.fibre, B_, views_.dictionary, V_),
+                              truncation_errors(rank_, Y_, used_atoms(), P_)};
+    for (std::vector<double>* kind : {&errors.views, &errors.texels}) {
+      for (double& error : *kind) error /= squares_;
+    }
+    return errors;
+  }
+
+ private:
+  // The root of a squared error, as a part of |T|.
+  double part(double square) const { return squares_ > 0 ? std::sqrt(square / squares_) : 0; }
+
+  // Signals by a dictionary, from `start` where it is one of as many atoms, else from samples.
+  KsvdFit<float> fit_dictionary(std::size_t dimension, const std::vector<float>& signals,
+                                KsvdOptions options, std::size_t iterations,
+                                const std::vector<float>& start, const char* name) {
     options.iterations = iterations;
-    options.start = warm ? KsvdStart::given : KsvdStart::samples;
-    texels_ =
-        ksvd(device_, KsvdSignals::of(rank_, Y_), options,
-             warm ? std::vector<float>(texels_.dictionary) : std::vector<float>(), job_, "texels");
+    const bool given = start.size() == options.atoms * dimension;
+    options.start = given ? KsvdStart::given : KsvdStart::samples;
+    return ksvd(device_, KsvdSignals::of(dimension, signals), options,
+                given ? std::span<const float>(start) : std::span<const float>(), job_, name);
+  }
+
+  // Both K-SVDs.
+  void decompose(std::size_t view_terms, std::size_t texel_terms, std::size_t iterations) {
+    KsvdOptions options = ksvd_options(options_, sizes_.abrdf_atoms, texel_terms, job_.seed);
+    texels_ = fit_dictionary(rank_, Y_, options, iterations, texel_start_, "texels");
     P_ = code_lists(texels_, options.sparsity);
     weights_ = atom_weights(P_, sizes_.abrdf_atoms);
     kept_ = drop_unused(P_, weights_);
@@ -189,12 +175,7 @@ class SparseFitter {
     const std::size_t fibres = kept_.size() * shape_.views;
     const std::size_t atoms = std::min(options_.light_atoms, fibres);
     options = ksvd_options(options_, atoms, view_terms, job_.seed + 1);
-    options.iterations = iterations;
-    const bool given = warm && views_.dictionary.size() == atoms * sizes_.fibre;
-    options.start = given ? KsvdStart::given : KsvdStart::samples;
-    views_ =
-        ksvd(device_, KsvdSignals::of(sizes_.fibre, B_), options,
-             given ? std::vector<float>(views_.dictionary) : std::vector<float>(), job_, "views");
+    views_ = fit_dictionary(sizes_.fibre, B_, options, iterations, view_start_, "views");
     V_ = code_lists(views_, options.sparsity);
   }
 
@@ -232,18 +213,9 @@ class SparseFitter {
     }
   }
 
-  SparseErrors errors(double texel_squares, double view_squares) const {
-    const double all = squares_ > 0 ? squares_ : 1;
-    return {std::sqrt(projection_ / all), std::sqrt(texel_squares / all),
-            std::sqrt(view_squares / all)};
-  }
-
-  // The model of the last decomposition, as it is stored.
+  // The model of the last decomposition.
   std::unique_ptr<SparseModel> model() const {
     auto model = std::make_unique<SparseModel>();
-    model->info.codec = "sparse";
-    model->info.storage = options_.storage;
-    model->info.btf = source_.info();
     model->mean = mean_;
     if (rank_ > 0) {
       // an ABRDF's fibres have its weight
@@ -265,145 +237,7 @@ class SparseFitter {
       model->views = sparse_lists(V, model->light_atoms);
       model->texels = sparse_lists(P_, model->abrdf_atoms);
     }
-    model->round_to_storage();
     return model;
-  }
-
-  SparseFit finish() const { return {model(), rank_, errors(texels_.objective, views_.objective)}; }
-
-  // Data that is its mean: there is nothing to choose.
-  SparseFit fit_mean() const {
-    SparseFit fit = finish();
-    const FitGoal& goal = options_.goal;
-    const std::size_t bytes = model_file_size(*fit.model);
-    if (goal.kind == FitGoal::Kind::size && bytes > goal.bytes) {
-      fail(ErrorKind::unmet_goal, "--target {}: the mean alone takes {} bytes, {} are allowed",
-           goal.text, bytes, goal.bytes);
-    }
-    return fit;
-  }
-
-  std::size_t real_bytes() const { return options_.storage == Storage::f16 ? 2 : 4; }
-  // Of a term of lists of so many atoms.
-  std::size_t term_bytes(std::size_t atoms) const {
-    return size_of(IndexTensor({}, atoms).dtype()) + real_bytes();
-  }
-
-  // Bytes of the file for other lengths than those of `model`, with all atoms in use.
-  LengthBytes length_bytes(const SparseModel& model) const {
-    const std::size_t scale = options_.storage == Storage::f16 ? sizeof(float) : 0;
-    const std::size_t light_atom = sizes_.fibre * real_bytes() + scale;
-    // the header's numbers may be longer by some digits, and the parameters are still to come
-    constexpr std::size_t digits = 512;
-    const std::size_t without_lists =
-        model_file_size(model) - model.views.coefficients.size() * term_bytes(model.light_atoms) -
-        model.texels.coefficients.size() * term_bytes(model.abrdf_atoms) -
-        model.light_atoms * light_atom - model.abrdf_atoms * scale;
-    const std::size_t fixed =
-        without_lists + digits + sizes_.light_atoms * light_atom + sizes_.abrdf_atoms * scale;
-    const std::size_t of_views = sizes_.abrdf_atoms * shape_.views * term_bytes(sizes_.light_atoms);
-    const std::size_t of_texels = sizes_.texels * term_bytes(sizes_.abrdf_atoms);
-    return [=](std::size_t k1, std::size_t k2) { return fixed + k1 * of_views + k2 * of_texels; };
-  }
-
-  std::size_t first_iterations() const { return (options_.iterations + 1) / 2; }
-
-  // A decomposition with long lists, no longer than `most_bytes` of one kind, and the errors of all
-  // shorter ones.
-  void decompose_long(std::size_t most_bytes) {
-    const auto length = [&](std::size_t terms, std::size_t lists, std::size_t atoms) {
-      return std::clamp<std::size_t>(most_bytes / (lists * term_bytes(atoms)), 1, terms);
-    };
-    decompose(length(options_.view_terms, sizes_.abrdf_atoms * shape_.views, sizes_.light_atoms),
-              length(options_.texel_terms, sizes_.texels, sizes_.abrdf_atoms), first_iterations(),
-              false);
-    const StageTimer timer(job_, "errors of shorter lists");
-    texel_errors_ = truncation_errors(rank_, Y_, used_atoms(), P_);
-    view_errors_ = truncation_errors(sizes_.fibre, B_, views_.dictionary, V_);
-  }
-
-  // The decomposition with these lengths, from the dictionaries that there are.
-  SparseFit refit(const SparseLengthChoice& choice) {
-    decompose(choice.view_terms, choice.texel_terms, options_.iterations - first_iterations(),
-              true);
-    SparseFit fit = finish();
-    const SparseErrors foreseen =
-        errors(texel_errors_[choice.texel_terms], view_errors_[choice.view_terms]);
-    job_.notes.push_back(fmt::format(
-        "k1 {}, k2 {}: relative error foreseen {:.4g} from longer lists, {:.4g} from these "
-        "(projection {:.4g}, texels {:.4g}, views {:.4g})",
-        choice.view_terms, choice.texel_terms, foreseen.foreseen(), fit.errors.foreseen(),
-        fit.errors.projection, fit.errors.texels, fit.errors.views));
-    return fit;
-  }
-
-  // Whether the rank was raised, since the projection makes most of the error beside `squares`.
-  bool raise_rank(double squares) {
-    const std::size_t next = std::min(2 * options_.rank, options_.most_rank);
-    if (rank_ < options_.rank || next <= options_.rank ||
-        projection_ <= projection_squares * (projection_ + squares)) {
-      return false;
-    }
-    SparseOptions raised = options_;
-    raised.rank = next;
-    std::size_t bytes = plan_sparse(device_, source_, raised, job_).total();
-    for (std::size_t i = 0; i < held_; ++i) bytes += job_.held[i].bytes;
-    if (bytes > job_.memory) {
-      job_.notes.push_back(fmt::format(
-          "rank {} kept, though the projection makes most of the error: {} would take {} bytes",
-          options_.rank, next, bytes));
-      return false;
-    }
-    job_.notes.push_back(fmt::format("rank {} raised to {}: the projection made most of the error",
-                                     options_.rank, next));
-    options_.rank = next;
-    sizes_ = SparseSizes(shape_, options_);
-    return true;
-  }
-
-  SparseFit fit_size() {
-    const FitGoal& goal = options_.goal;
-    for (;;) {
-      decompose_long(goal.bytes);
-      const LengthBytes bytes = length_bytes(*model());
-      const auto choice = lengths_of_size(view_errors_, texel_errors_, bytes, goal.bytes);
-      if (!choice) {
-        fail(ErrorKind::unmet_goal,
-             "--target {}: lists of one term take {} bytes, {} are allowed; fewer --atoms take "
-             "less",
-             goal.text, bytes(1, 1), goal.bytes);
-      }
-      if (!raise_rank(choice->squares)) return refit(*choice);
-      project();
-    }
-  }
-
-  SparseFit fit_relative() {
-    const FitGoal& goal = options_.goal;
-    decompose_long(std::numeric_limits<std::size_t>::max());
-    const LengthBytes bytes = length_bytes(*model());
-    const SparseLengthChoice longest{view_errors_.size() - 1, texel_errors_.size() - 1,
-                                     view_errors_.back() + texel_errors_.back()};
-    double ratio = 1;  // of the measured error to that of the choice
-    for (int round = 0;; ++round) {
-      const double allowed = std::pow(goal.relative / ratio, 2) * squares_ - projection_;
-      const SparseLengthChoice choice =
-          lengths_of_error(view_errors_, texel_errors_, bytes, allowed).value_or(longest);
-      SparseFit fit = refit(choice);
-      const double reached = measured(*fit.model);
-      job_.notes.push_back(fmt::format("relative error reached {:.4g}", reached));
-      if (reached <= goal.relative) return fit;
-      const bool none_longer =
-          choice.view_terms == longest.view_terms && choice.texel_terms == longest.texel_terms;
-      if (none_longer || round + 1 == most_rounds) {
-        fail(ErrorKind::unmet_goal,
-             "--target {}: k1 = {}, k2 = {} and {} components reach {:.4g}; raise --k1, --k2, "
-             "--atoms or --rank",
-             goal.text, choice.view_terms, choice.texel_terms, rank_, reached);
-      }
-      ratio =
-          std::max(1.02 * ratio, reached / std::sqrt((projection_ + choice.squares) / squares_));
-    }
   }
 
   // Atoms of the texels' space that codes use.
@@ -416,23 +250,18 @@ class SparseFitter {
     return atoms;
   }
 
-  double measured(const SparseModel& model) const {
-    const auto decoder = sparse_decoder(device_, model);
-    const ErrorSums sums = measure_errors(device_, *decoder, source_, job_);
-    return std::sqrt(sums.square_difference / sums.square_reference);
-  }
-
   Device& device_;
   TileSource& source_;
   SparseOptions options_;
   Job& job_;
+  WithinPlan within_;
   std::size_t held_;  // items of the job's caller
   BtfShape shape_;
   SparseSizes sizes_;
 
   // Everything is in units of `unit_`.
   double unit_ = 1;
-  double squares_ = 0;     // |T|^2
+  double squares_ = 1;     // |T|^2
   double projection_ = 0;  // |A - U Sigma W^T|^2
   std::size_t rank_ = 0;
   std::vector<float> mean_;  // [n], in the data's own unit
@@ -445,9 +274,9 @@ class SparseFitter {
   std::vector<float> B_;             // [atoms used][n]
   KsvdFit<float> views_;
   CodeLists V_;
-  // with a goal: squared errors by the length of lists
-  std::vector<double> view_errors_;
-  std::vector<double> texel_errors_;
+  // dictionaries of the last fit
+  std::vector<float> texel_start_;
+  std::vector<float> view_start_;
 };
 
 }  // namespace
@@ -486,7 +315,13 @@ MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& 
 }
 
 SparseFit fit_sparse(Device& device, TileSource& source, const SparseOptions& options, Job& job) {
-  return SparseFitter(device, source, options, job).fit();
+  DeviceEncoder encoder(device, source, options, job);
+  const MeasureSparse measure = [&](const SparseModel& model) {
+    const auto decoder = sparse_decoder(device, model);
+    const ErrorSums sums = measure_errors(device, *decoder, source, job);
+    return std::sqrt(sums.square_difference / sums.square_reference);
+  };
+  return fit_sparse(encoder, source.info(), options, measure, job);
 }
 
 }  // namespace weft

@@ -10,29 +10,17 @@
 #pragma once
 
 #include "weft/btf/tile.hpp"
-#include "weft/codecs/fit_goal.hpp"
+#include "weft/codecs/sparse_goal.hpp"
 #include "weft/device/device.hpp"
 #include "weft/job.hpp"
-#include "weft/reference/sparse.hpp"
 
 namespace weft {
-
-// With a goal, the lengths of lists are the most, and with a relative error so is the rank.
-struct SparseOptions : SparseRequest {
-  // With a size as the goal: the rank is doubled up to this, and as far as memory goes, while the
-  // projection alone makes more than half of the squared error. 0: the rank stays.
-  std::size_t most_rank = 0;
-  Storage storage = Storage::f16;
-  FitGoal goal;
-};
 
 MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& options,
                        const Job& job);
 
-// With a goal: one decomposition with long lists, from which k1 and k2 are chosen, and another with
-// these from the dictionaries that came out. A relative error is measured of the stored model, and
-// longer lists are taken until it is met. Throws the unmet goal with what was reached. The model is
-// rounded to its storage.
+// The fit that `options` ask for, of a goal as sparse_goal.hpp says. The model is rounded to its
+// storage.
 SparseFit fit_sparse(Device& device, TileSource& source, const SparseOptions& options, Job& job);
 
 }  // namespace weft

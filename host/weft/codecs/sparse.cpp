@@ -4,11 +4,13 @@
 
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <string_view>
 #include <tuple>
 #include <utility>
 
 #include "weft/codecs/fit_sparse.hpp"
+#include "weft/codecs/measure.hpp"
 #include "weft/codecs/sparse_decoder.hpp"
 #include "weft/error.hpp"
 #include "weft/reference/sparse.hpp"
@@ -27,7 +29,7 @@ constexpr std::array<ParameterSpec, 7> sparse_parameters{{
     {"k2", "", "terms of a texel's list, 11; with a goal, the most, 32"},
     {"atoms", "256", "atoms D1[,D2] over lights and of ABRDFs; up to 256 take byte indices"},
     {"rank", "",
-     "components of the projection before, 300; a goal may take 1024, or as many as this"},
+     "components of the projection before, 300; without it, a goal may take 600 or 1024"},
     {"iterations", "30", "of each K-SVD"},
     {"update", "approximate", "of an atom: exact or approximate"},
     {"target", "", target_help},
@@ -85,14 +87,12 @@ class SparseCodec final : public Codec {
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
     const SparseOptions options = sparse_options(parameters, source.info(), storage);
-    if (options.goal) {
-      fail_input("--target {}: the reference fits given --k1 and --k2 only", options.goal.text);
-    }
-    SparseFit fit = reference::encode_sparse(source, options, job);
-    fit.model->info.codec = name();
-    fit.model->info.storage = storage;
-    fit.model->info.btf = source.info();
-    fit.model->round_to_storage();
+    const std::unique_ptr<SparseEncoder> encoder = reference::sparse_encoder(source, options, job);
+    const MeasureSparse measure = [&](const SparseModel& model) {
+      const ErrorSums sums = measure_errors(*sparse_reference_decoder(model), source, job);
+      return std::sqrt(sums.square_difference / sums.square_reference);
+    };
+    SparseFit fit = fit_sparse(*encoder, source.info(), options, measure, job);
     return finish(std::move(fit), options, job);
   }
 
@@ -135,8 +135,7 @@ class SparseCodec final : public Codec {
       options.view_terms = longest_lists;
       options.texel_terms = longest_lists;
     }
-    if (options.goal.kind == FitGoal::Kind::relative) options.rank = highest_rank;
-    if (options.goal.kind == FitGoal::Kind::size && !parameters.contains("rank")) {
+    if (options.goal && !parameters.contains("rank")) {
       options.most_rank = highest_rank;
     }
     const auto count = [&](std::string_view name, std::size_t& value) {

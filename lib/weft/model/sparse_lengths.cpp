@@ -15,27 +15,6 @@ double dot(std::span<const double> a, std::span<const double> b) {
   return sum;
 }
 
-// Goes through all k1, k2 and keeps the best by `better(error, size, than)`.
-template <typename Allowed, typename Better>
-std::optional<SparseLengthChoice> best_lengths(std::span<const double> view_errors,
-                                               std::span<const double> texel_errors,
-                                               const LengthBytes& bytes, const Allowed& allowed,
-                                               const Better& better) {
-  std::optional<SparseLengthChoice> best;
-  std::size_t best_bytes = 0;
-  for (std::size_t k1 = 1; k1 < view_errors.size(); ++k1) {
-    for (std::size_t k2 = 1; k2 < texel_errors.size(); ++k2) {
-      const SparseLengthChoice choice{k1, k2, view_errors[k1] + texel_errors[k2]};
-      const std::size_t size = bytes(k1, k2);
-      if (!allowed(choice, size)) continue;
-      if (best && !better(choice, size, *best, best_bytes)) continue;
-      best = choice;
-      best_bytes = size;
-    }
-  }
-  return best;
-}
-
 }  // namespace
 
 std::vector<double> truncation_errors(std::size_t dimension, std::span<const float> Y,
@@ -88,29 +67,23 @@ std::vector<double> truncation_errors(std::size_t dimension, std::span<const flo
   return errors;
 }
 
-std::optional<SparseLengthChoice> lengths_of_size(std::span<const double> view_errors,
-                                                  std::span<const double> texel_errors,
-                                                  const LengthBytes& bytes,
-                                                  std::size_t most_bytes) {
-  return best_lengths(
-      view_errors, texel_errors, bytes,
-      [&](const SparseLengthChoice&, std::size_t size) { return size <= most_bytes; },
-      [](const SparseLengthChoice& one, std::size_t size, const SparseLengthChoice& best,
-         std::size_t best_size) {
-        return one.squares < best.squares || (one.squares == best.squares && size < best_size);
-      });
-}
-
-std::optional<SparseLengthChoice> lengths_of_error(std::span<const double> view_errors,
-                                                   std::span<const double> texel_errors,
-                                                   const LengthBytes& bytes, double squares) {
-  return best_lengths(
-      view_errors, texel_errors, bytes,
-      [&](const SparseLengthChoice& choice, std::size_t) { return choice.squares <= squares; },
-      [](const SparseLengthChoice& one, std::size_t size, const SparseLengthChoice& best,
-         std::size_t best_size) {
-        return size < best_size || (size == best_size && one.squares < best.squares);
-      });
+std::vector<SparseLengthChoice> best_lengths(std::span<const double> view_errors,
+                                             std::span<const double> texel_errors,
+                                             const LengthBytes& bytes) {
+  std::vector<SparseLengthChoice> all;
+  for (std::size_t k1 = 1; k1 < view_errors.size(); ++k1) {
+    for (std::size_t k2 = 1; k2 < texel_errors.size(); ++k2) {
+      all.push_back({k1, k2, view_errors[k1] + texel_errors[k2], bytes(k1, k2)});
+    }
+  }
+  std::ranges::stable_sort(all, [](const SparseLengthChoice& a, const SparseLengthChoice& b) {
+    return a.bytes < b.bytes || (a.bytes == b.bytes && a.squares < b.squares);
+  });
+  std::vector<SparseLengthChoice> best;
+  for (const SparseLengthChoice& choice : all) {
+    if (best.empty() || choice.squares < best.back().squares) best.push_back(choice);
+  }
+  return best;
 }
 
 }  // namespace weft

@@ -1,10 +1,9 @@
 // Which list lengths k1 and k2 reach a goal (Ruiters & Klein 2009, section 4.2): errors of shorter
-// lists from one decomposition with long ones, and the choice by the sum of both.
+// lists from one decomposition with long ones, and the choices by the sum of both.
 #pragma once
 
 #include <cstddef>
 #include <functional>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -25,17 +24,15 @@ struct SparseLengthChoice {
   std::size_t view_terms = 0;   // k1
   std::size_t texel_terms = 0;  // k2
   double squares = 0;           // foreseen squared error of both
+  std::size_t bytes = 0;
 };
 
-// Of all k1, k2 >= 1 with view_errors[k1] and texel_errors[k2]: that of the least error with
-// bytes(k1, k2) <= most_bytes; none if there is none.
+// Of all k1, k2 >= 1 with view_errors[k1] and texel_errors[k2]: those than which no other takes as
+// few bytes and leaves as little, by ascending bytes and descending error. The best within a size
+// is the last whose bytes fit, the fewest bytes for an error are the first whose squares fit.
 using LengthBytes = std::function<std::size_t(std::size_t view_terms, std::size_t texel_terms)>;
-std::optional<SparseLengthChoice> lengths_of_size(std::span<const double> view_errors,
-                                                  std::span<const double> texel_errors,
-                                                  const LengthBytes& bytes, std::size_t most_bytes);
-// That of the fewest bytes whose error is at most `squares`.
-std::optional<SparseLengthChoice> lengths_of_error(std::span<const double> view_errors,
-                                                   std::span<const double> texel_errors,
-                                                   const LengthBytes& bytes, double squares);
+std::vector<SparseLengthChoice> best_lengths(std::span<const double> view_errors,
+                                             std::span<const double> texel_errors,
+                                             const LengthBytes& bytes);
 
 }  // namespace weft

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "weft/btf/tile.hpp"
 #include "weft/job.hpp"
@@ -38,7 +39,39 @@ struct SparseFit {
   SparseErrors errors;
 };
 
+// Squared errors of the texels and of the views by the length of their lists, from 0 on, as parts
+// of |T|^2.
+struct SparseLengthErrors {
+  std::vector<double> views;
+  std::vector<double> texels;
+};
+
+// The fit step by step, so that lengths and rank can be chosen on the way (section 4.2). Fits are
+// unrounded, and their info holds nothing yet.
+class SparseEncoder {
+ public:
+  virtual ~SparseEncoder() = default;
+  // The truncated SVD, which later fits are of. Throws an input error where it, or they, would take
+  // more memory than there is.
+  virtual void project(std::size_t rank) = 0;
+  // Components that it has; 0: the data is its mean, as every fit is then.
+  virtual std::size_t rank() const = 0;
+  // What it leaves, as a part of |T|.
+  virtual double projection_error() const = 0;
+  // Both K-SVDs.
+  virtual SparseFit fit(std::size_t view_terms, std::size_t texel_terms,
+                        std::size_t iterations) = 0;
+  // What shorter lists of that fit would leave.
+  virtual SparseLengthErrors length_errors() = 0;
+  // Both K-SVDs from the dictionaries of that fit, whatever was refitted since.
+  virtual SparseFit refit(std::size_t view_terms, std::size_t texel_terms,
+                          std::size_t iterations) = 0;
+};
+
 namespace reference {
+
+std::unique_ptr<SparseEncoder> sparse_encoder(TileSource& source, const SparseRequest& request,
+                                              Job& job);
 
 // Section 4.1: truncated SVD, K-SVD over the texels, back-projection, weights, K-SVD over the
 // views. The tensors of the result are float; info holds nothing yet. Throws as the device encoder
