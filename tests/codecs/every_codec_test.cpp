@@ -79,6 +79,22 @@ TEST_P(EveryCodec, ModelsSurviveTheirFile) {
   }
 }
 
+TEST_P(EveryCodec, RealValuesAreThoseOfTheRealTensors) {
+  const auto source = random_source({3, 4, 6, 7, 3}, DType::f16, 5);
+  const auto model = run().encode(*source, rank(3), Storage::f32);
+  std::vector<std::span<const std::byte>> values;
+  for (const std::span<float> list : model->real_values()) values.push_back(std::as_bytes(list));
+  std::size_t n = 0;
+  for (const ModelTensor& tensor : model->tensors()) {
+    if (tensor.dtype != DType::f32) continue;
+    ASSERT_LT(n, values.size());
+    EXPECT_EQ(values[n].data(), tensor.values.data()) << tensor.name;
+    EXPECT_EQ(values[n].size(), tensor.values.size()) << tensor.name;
+    ++n;
+  }
+  EXPECT_EQ(n, values.size());
+}
+
 TEST_P(EveryCodec, HalfStorageChangesLittle) {
   const auto source = random_source({3, 4, 9, 10, 3}, DType::f16, 5);
   const double full =

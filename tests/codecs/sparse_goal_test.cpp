@@ -17,6 +17,7 @@
 #include "weft/codecs/fit_sparse.hpp"
 #include "weft/error.hpp"
 #include "weft/model/model_file.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft::test {
 namespace {
@@ -150,7 +151,7 @@ TEST(SparseSearch, SizesTakeTheBestThatFits) {
   SparseModel shortest = random_sparse(
       MadeUpEncoder::shape, {MadeUpEncoder::light_atoms, MadeUpEncoder::abrdf_atoms, 1, 1});
   shortest.info.storage = Storage::f16;
-  shortest.round_to_storage();
+  round_to_storage(shortest);
   const std::size_t fixed = model_file_size(shortest) - MadeUpEncoder::list_bytes(1, 1);
   for (std::size_t lists = 1400; lists < 11000; lists += 531) {
     MadeUpEncoder encoder;

@@ -10,6 +10,7 @@
 #include "support/generators.hpp"
 #include "support/mutate.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft::test {
 namespace {
@@ -110,7 +111,7 @@ TEST(LpcaModel, DamagedFilesGiveErrorsOnly) {
   std::size_t decoded = 0;
   for (const Storage storage : {Storage::f16, Storage::f32}) {
     LpcaModel model = small_model(storage);
-    model.round_to_storage();
+    round_to_storage(model);
     write_model(path, model);
     const EditableModel good(read_bytes(path));
     for (int i = 0; i < 500; ++i) {

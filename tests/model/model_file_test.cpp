@@ -387,6 +387,7 @@ class IndexModel final : public Model {
             {"medium", {1, 2}, DType::u16, std::as_bytes(std::span(medium))},
             {"large", {3}, DType::u32, std::as_bytes(std::span(large))}};
   }
+  std::vector<std::span<float>> real_values() override { return {}; }
   void decode_texel(std::size_t, std::size_t, std::size_t, std::size_t,
                     std::span<double>) const override {}
 };

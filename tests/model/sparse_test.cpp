@@ -14,6 +14,7 @@
 #include "support/matchers.hpp"
 #include "support/mutate.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft::test {
 namespace {
@@ -104,7 +105,7 @@ TEST(SparseModel, SurvivesItsFile) {
     for (const Storage storage : {Storage::f16, Storage::f32}) {
       SparseModel model = random_sparse({3, 4, 5, 6, 3}, sizes);
       model.info.storage = storage;
-      model.round_to_storage();
+      round_to_storage(model);
       write_model(path, model);
       const auto found = SparseModel::read(ModelFile(path));
       EXPECT_EQ(found->light_atoms, sizes.light_atoms);
@@ -188,7 +189,7 @@ TEST(SparseModel, DamagedFilesGiveErrorsOnly) {
   std::size_t decoded = 0;
   for (const Storage storage : {Storage::f16, Storage::f32}) {
     SparseModel model = small_model(storage);
-    model.round_to_storage();
+    round_to_storage(model);
     write_model(path, model);
     const EditableModel good(read_bytes(path));
     for (int i = 0; i < 500; ++i) {

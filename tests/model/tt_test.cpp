@@ -11,6 +11,7 @@
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft::test {
 namespace {
@@ -81,7 +82,7 @@ TEST(TtModel, KeepsHalfAndFloatCoresInOneFile) {
       random_train({3, 2, 4, 5, 3}, parse_order("l,x,c,y,v", "--order"), {1, 2, 4, 3, 2, 1});
   model.stored = {Storage::f32, Storage::f16, Storage::f16, Storage::f32, Storage::f16};
   const auto exact = model.cores;
-  model.round_to_storage();
+  round_to_storage(model);
   EXPECT_TRUE(all_equal(model.cores[0], exact[0]));
   EXPECT_FALSE(all_equal(model.cores[1], exact[1]));
   EXPECT_TRUE(all_equal(model.cores[3], exact[3]));

@@ -11,6 +11,7 @@
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/model/tucker_parts.hpp"
 #include "weft/model/tucker_ranks.hpp"
 
@@ -33,7 +34,7 @@ TuckerModel random_model(const BtfShape& shape, std::string_view merge,
     if (ranks[n] < size) model.factors[n] = random_floats(size * ranks[n], 10 + n, -1, 1);
   }
   model.core = random_floats(count, 5, -1, 1);
-  model.round_to_storage();
+  round_to_storage(model);
   return model;
 }
 

@@ -10,6 +10,7 @@
 
 #include "weft/codecs/fit_lpca.hpp"
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/ops/decode_lpca.hpp"
 #include "weft/ops/launch.hpp"
 #include "weft/ops/look_up_factors.hpp"
@@ -314,7 +315,7 @@ class LpcaCodec final : public Codec {
         options.clusters, options.rank, options.iterations, job.seed, kept, model->rank);
     model->info.storage = storage;
     model->info.btf = info;
-    model->round_to_storage();
+    round_to_storage(*model);
     return model;
   }
 };

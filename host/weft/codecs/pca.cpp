@@ -9,6 +9,7 @@
 #include "weft/codecs/truncated_svd.hpp"
 #include "weft/error.hpp"
 #include "weft/model/pca.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/look_up_factors.hpp"
@@ -148,7 +149,7 @@ class PcaCodec final : public Codec {
     }
     job.notes.push_back(fmt::format("svd {}, {} passes over the data, rank {}: {}",
                                     name_of(svd.method), svd.passes, svd.rank, svd.reason));
-    model->round_to_storage();
+    round_to_storage(*model);
     return model;
   }
 
@@ -159,7 +160,7 @@ class PcaCodec final : public Codec {
     options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
     describe(*fit.model, source.info(), storage,
              svd_parameters_json(options, fit.method, fit.passes, "the reference's way"));
-    fit.model->round_to_storage();
+    round_to_storage(*fit.model);
     return std::move(fit.model);
   }
 

@@ -10,6 +10,7 @@
 #include "weft/error.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/sparse_lengths.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft {
 namespace {
@@ -194,7 +195,7 @@ class GoalSearch {
     fit.model->info.codec = "sparse";
     fit.model->info.storage = options_.storage;
     fit.model->info.btf = source_;
-    fit.model->round_to_storage();
+    round_to_storage(*fit.model);
     return fit;
   }
 

@@ -13,6 +13,7 @@
 #include "weft/codecs/tucker_plan.hpp"
 #include "weft/codecs/tucker_sampler.hpp"
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/model/tucker_parts.hpp"
 #include "weft/ops/launch.hpp"
@@ -223,7 +224,7 @@ class TuckerCodec final : public Codec {
                                       std::sqrt(fit.errors.discarded / squares)));
     }
     if (!asked.note.empty()) job.notes.push_back(asked.note);
-    model.round_to_storage();
+    round_to_storage(model);
     const std::vector<std::size_t> stated = model.ranks;
     check_goal(model, request, asked);
     if (model.ranks != stated) restate_ranks(model);
@@ -244,7 +245,7 @@ class TuckerCodec final : public Codec {
       const std::vector<std::size_t> before = model.ranks;
       cut_to_goal(model, smaller, 1.0, 0.0);
       if (model.ranks == before) fail_size(size, asked);
-      model.round_to_storage();
+      round_to_storage(model);
     }
   }
 

@@ -13,6 +13,7 @@
 #include "weft/codecs/svd_options.hpp"
 #include "weft/codecs/truncated_svd.hpp"
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/model/view_pca.hpp"
 #include "weft/ops/decode_pca.hpp"
 #include "weft/ops/gemm.hpp"
@@ -395,7 +396,7 @@ class ViewPcaCodec final : public Codec {
     model.info.parameters = fmt::format(R"({{{},"kept":[{},{}]}})", parameters, *least, *most);
     model.info.storage = storage;
     model.info.btf = info;
-    model.round_to_storage();
+    round_to_storage(model);
   }
 };
 

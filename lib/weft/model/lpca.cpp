@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -46,6 +45,10 @@ std::vector<ModelTensor> LpcaModel::tensors() const {
            first_axis}};
 }
 
+std::vector<std::span<float>> LpcaModel::real_values() {
+  return {mean, coefficients, basis};
+}
+
 void LpcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                              std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
@@ -63,15 +66,6 @@ void LpcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y,
     }
     out[c] = value;
   }
-}
-
-void LpcaModel::round_to_storage() {
-  if (info.storage == Storage::f32) return;
-  const BtfShape& shape = info.btf.shape;
-  round_to_scaled_half(mean, component_layout(rows_shape(shape, ranks.size()), first_axis));
-  round_to_scaled_half(coefficients,
-                       component_layout(coefficients_shape(shape, rank), coefficients_axis));
-  round_to_scaled_half(basis, component_layout(rows_shape(shape, sum_of(ranks)), first_axis));
 }
 
 std::unique_ptr<LpcaModel> LpcaModel::select(const Selection& selection) const {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -14,8 +16,17 @@
 
 namespace weft {
 
-// How the real-valued tensors of a model are stored: `--storage f16|f32`.
+// How the real-valued tensors of a model are stored if they are not quantised.
 enum class Storage : std::uint8_t { f16, f32 };
+
+// A real-valued tensor as whole numbers, value = step code with |code| < 2^(bits - 1): the step of
+// each component, 0 for one that is all zeros.
+struct Quantisation {
+  unsigned bits = 0;
+  std::vector<float> steps;
+
+  bool operator==(const Quantisation&) const = default;
+};
 
 struct ModelInfo {
   std::string codec;              // a name of the table of codecs
@@ -23,6 +34,8 @@ struct ModelInfo {
   std::string selection = "{}";   // JSON object, see to_json(Selection)
   std::string colour_transform = "none";
   Storage storage = Storage::f16;
+  // Of the tensors, by name, that are quantised instead; see storage.hpp.
+  std::map<std::string, Quantisation, std::less<>> quantised;
   // What decoding gives: shape, directions, encoding ...; dtype is that of the raw tensor.
   BtfInfo btf;
   std::optional<ErrorReport> errors;  // as measured by the encoder against its input
@@ -36,8 +49,9 @@ struct ModelTensor {
   std::vector<std::size_t> shape;
   DType dtype = DType::f32;           // F32 for real-valued tensors, whatever the storage
   std::span<const std::byte> values;  // owned by the model
-  // For F16 storage of a real-valued tensor: the axis whose indices are components with a scale of
-  // their own; `no_component_axis` for one scale for the whole tensor.
+  // Of a real-valued tensor: the axis whose indices are components with a scale of their own in F16
+  // storage, and a step of their own if quantised; `no_component_axis` for one for the whole
+  // tensor.
   std::size_t component_axis = no_component_axis;
   // Of a real-valued tensor that is not stored as info.storage says.
   std::optional<Storage> storage = std::nullopt;
@@ -53,6 +67,8 @@ class Model {
 
   // In a fixed order.
   virtual std::vector<ModelTensor> tensors() const = 0;
+  // The values of the real-valued ones among them, in the same order, to be rounded.
+  virtual std::vector<std::span<float>> real_values() = 0;
 
   // The C values of one texel for one view and light, computed in double by the codec's formula. In
   // the stored encoding, scaled as the raw data (8-bit data: [0, 1]), not clamped. Indices are

@@ -1,7 +1,6 @@
 #include "weft/model/pca.hpp"
 
 #include "weft/btf/mip.hpp"
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -31,6 +30,10 @@ std::vector<ModelTensor> PcaModel::tensors() const {
       {"basis", basis_shape(shape, rank), DType::f32, std::as_bytes(std::span(basis)), basis_axis}};
 }
 
+std::vector<std::span<float>> PcaModel::real_values() {
+  return {mean, coefficients, basis};
+}
+
 void PcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                             std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
@@ -44,15 +47,6 @@ void PcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, 
     }
     out[c] = value;
   }
-}
-
-void PcaModel::round_to_storage() {
-  if (info.storage == Storage::f32) return;
-  const BtfShape& shape = info.btf.shape;
-  round_to_scaled_half(mean, component_layout(mean_shape(shape), ModelTensor::no_component_axis));
-  round_to_scaled_half(coefficients,
-                       component_layout(coefficients_shape(shape, rank), coefficients_axis));
-  round_to_scaled_half(basis, component_layout(basis_shape(shape, rank), basis_axis));
 }
 
 std::unique_ptr<PcaModel> PcaModel::select(const Selection& selection) const {

@@ -24,11 +24,9 @@ struct PcaModel final : Model {
   std::vector<float> basis;         // B [k, V, L, C]
 
   std::vector<ModelTensor> tensors() const override;
+  std::vector<std::span<float>> real_values() override;
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
-
-  // Rounds the tensors to what info.storage will give back.
-  void round_to_storage();
 
   // The part that decodes to a selection; its mip level is not looked at.
   std::unique_ptr<PcaModel> select(const Selection& selection) const;

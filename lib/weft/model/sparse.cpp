@@ -4,7 +4,6 @@
 
 #include <limits>
 
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -105,6 +104,10 @@ std::vector<ModelTensor> SparseModel::tensors() const {
            std::as_bytes(std::span(texels.coefficients))}};
 }
 
+std::vector<std::span<float>> SparseModel::real_values() {
+  return {mean, dictionary, views.coefficients, texels.coefficients};
+}
+
 void SparseModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
@@ -119,18 +122,6 @@ void SparseModel::decode_texel(std::size_t view, std::size_t light, std::size_t 
       for (std::size_t c = 0; c < C; ++c) out[c] += product * double{atom[c]};
     }
   }
-}
-
-void SparseModel::round_to_storage() {
-  if (info.storage == Storage::f32) return;
-  const BtfShape& shape = info.btf.shape;
-  round_to_scaled_half(mean, component_layout(mean_shape(shape), no_axis));
-  round_to_scaled_half(dictionary,
-                       component_layout(dictionary_shape(shape, light_atoms), first_axis));
-  round_to_scaled_half(views.coefficients,
-                       component_layout(views_shape(shape, abrdf_atoms, views.length), first_axis));
-  round_to_scaled_half(texels.coefficients,
-                       component_layout(texels_shape(shape, texels.length), no_axis));
 }
 
 std::unique_ptr<SparseModel> SparseModel::select(const Selection& selection) const {

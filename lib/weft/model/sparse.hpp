@@ -37,11 +37,9 @@ struct SparseModel final : Model {
   SparseLists texels;             // P: rows [P] of k2 indices below D2
 
   std::vector<ModelTensor> tensors() const override;
+  std::vector<std::span<float>> real_values() override;
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
-
-  // Rounds the tensors to what info.storage will give back.
-  void round_to_storage();
 
   // The part that decodes to a selection, without atoms that are in none of its lists; its mip
   // level is not looked at.

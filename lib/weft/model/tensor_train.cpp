@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "weft/model/storage.hpp"
+
 namespace weft {
 namespace {
 
@@ -43,7 +45,7 @@ std::unique_ptr<TtModel> store_train(const TensorTrain& train, const ModeOrder& 
   }
   if (storage == Storage::f32) return model;
 
-  model->round_to_storage();
+  round_to_storage(*model);
   std::array<double, mode_count> squares{};
   double sum = 0;
   for (std::size_t n = 0; n < mode_count; ++n) {

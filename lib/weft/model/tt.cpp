@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "weft/btf/mip.hpp"
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -69,6 +68,10 @@ std::vector<ModelTensor> TtModel::tensors() const {
   return list;
 }
 
+std::vector<std::span<float>> TtModel::real_values() {
+  return {cores.begin(), cores.end()};
+}
+
 void TtModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                            std::span<double> out) const {
   const std::array<std::size_t, mode_count> indices{view, light, y, x, 0};
@@ -101,13 +104,6 @@ std::size_t TtModel::texel_operations() const {
   if (channel > 0) each += (2 * ranks[channel] - 1) * ranks[channel + 1];
   if (channel < last) each += 2 * ranks[channel + 1] - 1;
   return sum + size(channel) * each;
-}
-
-void TtModel::round_to_storage() {
-  for (std::size_t n = 0; n < mode_count; ++n) {
-    if (stored[n] == Storage::f32) continue;
-    round_to_scaled_half(cores[n], component_layout(core_shape(n), component_axis(n)));
-  }
 }
 
 std::unique_ptr<TtModel> TtModel::select(const Selection& selection) const {

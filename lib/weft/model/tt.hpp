@@ -35,13 +35,11 @@ struct TtModel final : Model {
   std::size_t coefficients() const;
 
   std::vector<ModelTensor> tensors() const override;
+  std::vector<std::span<float>> real_values() override;
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
   // Products and sums of one decode_texel with all its channels.
   std::size_t texel_operations() const;
-
-  // Rounds the cores to what `stored` will give back.
-  void round_to_storage();
 
   // The part that decodes to a selection, slices of the cores; its mip level is not looked at.
   std::unique_ptr<TtModel> select(const Selection& selection) const;

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "weft/error.hpp"
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 #include "weft/tensor/sizes.hpp"
 
@@ -118,6 +117,14 @@ std::vector<ModelTensor> TuckerModel::tensors() const {
   return list;
 }
 
+std::vector<std::span<float>> TuckerModel::real_values() {
+  std::vector<std::span<float>> list{core};
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    if (has_factor(n)) list.emplace_back(factors[n]);
+  }
+  return list;
+}
+
 void TuckerModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                std::span<double> out) const {
   const std::size_t channels = info.btf.shape.channels;
@@ -213,16 +220,6 @@ std::size_t TuckerModel::texel_operations() const {
   }
   if (!channels_alone()) return operations * channels;
   return operations + (has_factor(channel) ? channels * (2 * ranks[channel] - 1) : 0);
-}
-
-void TuckerModel::round_to_storage() {
-  if (info.storage == Storage::f32) return;
-  round_to_scaled_half(core, component_layout(ranks, core_axis));
-  for (std::size_t n = 0; n < groups.count(); ++n) {
-    if (!has_factor(n)) continue;
-    const std::array<std::size_t, 2> shape{groups.groups()[n].size, ranks[n]};
-    round_to_scaled_half(factors[n], component_layout(shape, factor_axis));
-  }
 }
 
 std::unique_ptr<TuckerModel> TuckerModel::select(const Selection& selection) const {

@@ -32,6 +32,7 @@ struct TuckerModel final : Model {
   bool has_factor(std::size_t n) const { return !factors[n].empty(); }
 
   std::vector<ModelTensor> tensors() const override;
+  std::vector<std::span<float>> real_values() override;
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
@@ -42,9 +43,6 @@ struct TuckerModel final : Model {
   std::size_t coefficients() const;
   // Products and sums of one decode_texel with all its channels, counted exactly.
   std::size_t texel_operations() const;
-
-  // Rounds the tensors to what info.storage will give back.
-  void round_to_storage();
 
   // The part that decodes to a selection, rows of the factors or slices of the core; its mip level
   // is not looked at.

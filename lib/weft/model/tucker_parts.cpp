@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/model/tucker_ranks.hpp"
 #include "weft/reference/mode_product.hpp"
 
@@ -69,7 +70,7 @@ std::unique_ptr<TuckerModel> with_ranks(const TuckerModel& model, std::string_vi
     if (!model.has_factor(n)) continue;
     less->factors[n] = leading_columns(model.factors[n], model.ranks[n], less->ranks[n]);
   }
-  less->round_to_storage();
+  round_to_storage(*less);
   restate_ranks(*less);
   return less;
 }

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "weft/btf/mip.hpp"
-#include "weft/model/component_scale.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -47,6 +46,10 @@ std::vector<ModelTensor> ViewPcaModel::tensors() const {
            component_axis}};
 }
 
+std::vector<std::span<float>> ViewPcaModel::real_values() {
+  return {mean, images, basis};
+}
+
 void ViewPcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                 std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
@@ -63,15 +66,6 @@ void ViewPcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t
     }
     out[c] = value;
   }
-}
-
-void ViewPcaModel::round_to_storage() {
-  if (info.storage == Storage::f32) return;
-  const BtfShape& shape = info.btf.shape;
-  const std::size_t components = components_of(ranks);
-  round_to_scaled_half(mean, component_layout(mean_shape(shape), view_axis));
-  round_to_scaled_half(images, component_layout(images_shape(shape, components), component_axis));
-  round_to_scaled_half(basis, component_layout(basis_shape(shape, components), component_axis));
 }
 
 std::unique_ptr<ViewPcaModel> ViewPcaModel::select(const Selection& selection) const {

@@ -30,11 +30,9 @@ struct ViewPcaModel final : Model {
   std::vector<std::size_t> offsets() const;
 
   std::vector<ModelTensor> tensors() const override;
+  std::vector<std::span<float>> real_values() override;
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
-
-  // Rounds the tensors to what info.storage will give back.
-  void round_to_storage();
 
   // The part that decodes to a selection; its mip level is not looked at.
   std::unique_ptr<ViewPcaModel> select(const Selection& selection) const;
