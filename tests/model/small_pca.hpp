@@ -12,7 +12,6 @@ inline PcaModel small_pca(Storage storage, std::size_t rank = 2, double magnitud
   model.info.codec = "pca";
   model.info.parameters = R"({"rank":2,"svd":"randomized"})";
   model.info.selection = R"({"views":[0,4]})";
-  model.info.colour_transform = "none";
   model.info.storage = storage;
   model.info.btf = make_info(shape, DType::f16);
   model.info.btf.encoding = Encoding::gamma22;

@@ -16,6 +16,7 @@
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
+#include "transform_options.hpp"
 #include "weft/codecs/decoded_source.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -30,6 +31,7 @@ struct CompressOptions {
   std::string codec = "pca";
   Parameters parameters;
   std::string storage = "f16";
+  TransformOptions transform;
   std::string nan = "error";
   std::uint64_t seed = 0;
   double peak = 0;  // 0: by the data's type
@@ -84,6 +86,7 @@ void run_compress(const CompressOptions& options) {
   request.parameters = options.parameters;
   request.storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
   request.selection = to_json(selection);
+  request.colour = make_colour_request(options.transform);
   request.peak = options.peak;
   request.ssim = options.ssim;
   request.train = train;
@@ -107,6 +110,7 @@ void run_compress(const CompressOptions& options) {
   report.add("codec", codec.name());
   report.add("parameters", json_cell(model->info.parameters));
   report.add("storage", model->info.storage == Storage::f16 ? "f16" : "f32");
+  add_transform_field(report, model->info.colour_transform);
   report.add("selection", json_cell(model->info.selection));
   add_btf_fields(report, model->info.btf);
   report.add("raw_size", bytes_cell(source->info().bytes()));
@@ -174,6 +178,7 @@ void add_compress(CLI::App& program, Action& action) {
                    "f16 (half with a power of two per component) or f32")
       ->check(CLI::IsMember({"f16", "f32"}))
       ->type_name("TYPE");
+  add_transform_options(*command, options->transform);
   command
       ->add_option("--nan", options->nan,
                    "NaN and infinite values in the input: error, or zero to read them as 0")
@@ -201,6 +206,7 @@ void add_compress(CLI::App& program, Action& action) {
       "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"
       "  weft compress cloth.safetensors --rank 100 --storage f32 --memory 1GiB -o cloth.weft\n"
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
+      "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"
       "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"
       "  weft compress train.weft --codec tt --target rel=0.2 -o shorter.weft\n"
       "  weft compress knit.npy --device reference --json -o knit.weft");

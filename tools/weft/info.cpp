@@ -12,6 +12,7 @@
 #include "common.hpp"
 #include "report.hpp"
 #include "subcommand.hpp"
+#include "transform_options.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/error.hpp"
@@ -53,7 +54,7 @@ void describe_model(Report& report, const std::filesystem::path& path) {
   report.add("parameters", json_cell(info.parameters));
   report.add("storage", info.storage == Storage::f16 ? "f16" : "f32");
   report.add("selection", json_cell(info.selection));
-  report.add("colour_transform", info.colour_transform);
+  add_transform_field(report, info.colour_transform);
   add_btf_fields(report, info.btf);
   report.add("raw_size", bytes_cell(info.btf.bytes()));
   report.add("file_size", bytes_cell(model.size()));

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <utility>
 
+#include "weft/codecs/colour_decoders.hpp"
 #include "weft/codecs/lpca.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/sparse.hpp"
@@ -11,25 +13,137 @@
 #include "weft/codecs/tucker.hpp"
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
+#include "weft/model/channel_part.hpp"
 #include "weft/reference/lookup.hpp"
 
 namespace weft {
 
+namespace {
+
+// Null for all models but those of some channels.
+const ChannelPart* as_part(const Model& model) {
+  return dynamic_cast<const ChannelPart*>(&model);
+}
+
+// The indices of a selection of a selection.
+std::vector<std::size_t> chosen_of(std::span<const std::size_t> of,
+                                   const std::vector<std::size_t>& chosen) {
+  std::vector<std::size_t> result;
+  for (const std::size_t i : chosen) result.push_back(of[i]);
+  return result;
+}
+
+}  // namespace
+
+std::unique_ptr<Model> Codec::select(const Model& model, const Selection& selection) const {
+  const ChannelPart* part = as_part(model);
+  const Model& whole = part ? part->whole() : model;
+  const ColourTransform& transform = whole.info.colour_transform;
+  (void)weft::select(model.info.btf, selection);  // finds what does not fit
+  if (!transform.mixes_channels()) {
+    std::unique_ptr<Model> selected = fitted_part(model, selection);
+    if (selection.channels) {
+      selected->info.colour_transform = transform.select(*selection.channels);
+    }
+    return selected;
+  }
+  Selection others = selection;
+  others.channels.reset();
+  std::unique_ptr<Model> selected = fitted_part(whole, others);
+  if (!part && !selection.channels) return selected;
+  std::vector<std::size_t> channels;
+  if (!part) {
+    channels = *selection.channels;
+  } else if (selection.channels) {
+    channels = chosen_of(part->channels(), *selection.channels);
+  } else {
+    channels.assign(part->channels().begin(), part->channels().end());
+  }
+  return std::make_unique<ChannelPart>(std::move(selected), std::move(channels));
+}
+
+std::unique_ptr<DeviceDecoder> Codec::decoder(Device& device, const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) {
+    return with_channels(device, part->whole().info.btf.shape, part->channels(),
+                         decoder(device, part->whole()));
+  }
+  return with_inverse(device, model, fitted_decoder(device, model));
+}
+
+std::size_t Codec::decoder_bytes(const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) {
+    return decoder_bytes(part->whole()) +
+           channel_decoder_bytes(part->whole().info.btf.shape, part->channels().size());
+  }
+  return fitted_decoder_bytes(model) + inverse_bytes(model);
+}
+
+std::unique_ptr<ReferenceDecoder> Codec::reference_decoder(const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) {
+    return with_channels(part->whole().info.btf.shape, part->channels(),
+                         reference_decoder(part->whole()));
+  }
+  return with_inverse(model, fitted_reference_decoder(model));
+}
+
+std::unique_ptr<DeviceSampler> Codec::sampler(Device& device, const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) {
+    return with_channels(device, part->whole().info.btf.shape, part->channels(),
+                         sampler(device, part->whole()));
+  }
+  return with_inverse(device, model, fitted_sampler(device, model));
+}
+
+std::size_t Codec::sampler_bytes(const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) return sampler_bytes(part->whole());
+  return fitted_sampler_bytes(model) + inverse_bytes(model);
+}
+
 std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) const {
-  return reference::texel_sampler(model);
+  if (const ChannelPart* part = as_part(model)) {
+    return with_channels(part->whole().info.btf.shape, part->channels(),
+                         reference_sampler(part->whole()));
+  }
+  return with_inverse(model, fitted_reference_sampler(model));
 }
 
 std::unique_ptr<Model> Codec::next_mip_level(const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) {
+    std::unique_ptr<Model> next = next_mip_level(part->whole());
+    if (!next) return nullptr;
+    return std::make_unique<ChannelPart>(
+        std::move(next),
+        std::vector<std::size_t>(part->channels().begin(), part->channels().end()));
+  }
+  return model.info.colour_transform.is_linear() ? fitted_mip_level(model) : nullptr;
+}
+
+double Codec::decode_tolerance(const Model& model) const {
+  if (const ChannelPart* part = as_part(model)) return decode_tolerance(part->whole());
+  return inverted_error(model.info.colour_transform, model.info.btf.shape.channels,
+                        fitted_tolerance(model));
+}
+
+std::unique_ptr<ReferenceSampler> Codec::fitted_reference_sampler(const Model& model) const {
+  return reference::texel_sampler(model);
+}
+
+std::unique_ptr<Model> Codec::fitted_mip_level(const Model& model) const {
   (void)model;
   return nullptr;
 }
 
-// A decoded value is a sum of n >= 1 terms, whose bound is gamma_n times their magnitude. Weights
-// join m = T + V L + 2 roundings to each term, in whatever order the sums are taken, and
-// gamma_{n + m} <= (1 + m) gamma_n / (1 - m n u), where one more covers the denominator.
+// A fitted value is a sum of n >= 1 terms, whose bound is gamma_n times their magnitude. Weights
+// join m = T + V L + 2 roundings to each term, in whatever order the sums are taken, and gamma_{n +
+// m} <= (1 + m) gamma_n / (1 - m n u), where one more covers the denominator. The transform is
+// inverted on the sum.
 double lookup_tolerance(const Codec& codec, const Model& model, const LookupShape& lookup) {
-  return static_cast<double>(lookup.texels + lookup.views * lookup.lights + 4) *
-         codec.decode_tolerance(model);
+  if (const ChannelPart* part = as_part(model)) {
+    return lookup_tolerance(codec, part->whole(), lookup);
+  }
+  return inverted_error(model.info.colour_transform, model.info.btf.shape.channels,
+                        static_cast<double>(lookup.texels + lookup.views * lookup.lights + 4) *
+                            codec.fitted_tolerance(model));
 }
 
 std::span<const Codec* const> codecs() {

@@ -82,29 +82,51 @@ class Codec {
 
   // The part of a model that decodes to a selection (without its mip level, which is taken of
   // decoded images); the model itself is not changed.
-  virtual std::unique_ptr<Model> select(const Model& model, const Selection& selection) const = 0;
+  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const;
 
-  virtual std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const = 0;
+  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const;
   // Bytes of device memory that the decoder holds.
-  virtual std::size_t decoder_bytes(const Model& model) const = 0;
-  virtual std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const = 0;
+  std::size_t decoder_bytes(const Model& model) const;
+  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const;
 
-  // Look-ups in a model, and the bytes of device memory that they take.
-  virtual std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const = 0;
-  virtual std::size_t sampler_bytes(const Model& model) const = 0;
-  // By Model::decode_texel, unless the codec knows a faster way.
-  virtual std::unique_ptr<ReferenceSampler> reference_sampler(const Model& model) const;
+  // Look-ups in a model, and the bytes of device memory that they take. What a model with a
+  // nonlinear colour transform interpolates is what was fitted, on which the transform is inverted
+  // then.
+  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const;
+  std::size_t sampler_bytes(const Model& model) const;
+  std::unique_ptr<ReferenceSampler> reference_sampler(const Model& model) const;
 
   // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
-  // is exact in the model itself, as it needs a linear encoding; else null: levels are then taken
-  // of decoded images.
-  virtual std::unique_ptr<Model> next_mip_level(const Model& model) const;
+  // is exact in the model itself, as it needs a linear encoding and colour transform; else null:
+  // levels are then taken of decoded images.
+  std::unique_ptr<Model> next_mip_level(const Model& model) const;
 
   // Bound of |device - reference| for one decoded value, from the lengths and magnitudes of the
   // sums behind it: the unit of `weft verify`.
-  virtual double decode_tolerance(const Model& model) const = 0;
+  double decode_tolerance(const Model& model) const;
 
   virtual std::unique_ptr<Model> read(const ModelFile& file) const = 0;
+
+ private:
+  // What a codec itself knows of a model's tensors: the values that it was fitted to. The functions
+  // above put the inverse of the model's colour transform behind it.
+  virtual std::unique_ptr<Model> fitted_part(const Model& model,
+                                             const Selection& selection) const = 0;
+  virtual std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device,
+                                                        const Model& model) const = 0;
+  virtual std::size_t fitted_decoder_bytes(const Model& model) const = 0;
+  virtual std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const = 0;
+  virtual std::unique_ptr<DeviceSampler> fitted_sampler(Device& device,
+                                                        const Model& model) const = 0;
+  virtual std::size_t fitted_sampler_bytes(const Model& model) const = 0;
+  // By Model::fitted_texel, unless the codec knows a faster way.
+  virtual std::unique_ptr<ReferenceSampler> fitted_reference_sampler(const Model& model) const;
+  // None, unless the codec can.
+  virtual std::unique_ptr<Model> fitted_mip_level(const Model& model) const;
+  // At least the rounding of a value to float: 2^-24 of the largest magnitude.
+  virtual double fitted_tolerance(const Model& model) const = 0;
+
+  friend double lookup_tolerance(const Codec& codec, const Model& model, const LookupShape& lookup);
 };
 
 // Bound of |device - reference| for one value of a look-up whose groups' weights are at least 0 and

@@ -20,6 +20,16 @@ std::unique_ptr<Model> fit(Device* device, TileSource& source, const CompressReq
                 : codec.encode_reference(source, request.parameters, request.storage, job);
 }
 
+// What of the source is fitted.
+ColourTransform colour_transform(TileSource& source, const CompressRequest& request, Job& job) {
+  if (!request.train) return choose_colour_transform(source, request.colour, job);
+  if (request.colour.kind != ColourTransform::Kind::none || !request.colour.weights.empty()) {
+    fail_input("--transform {}: a train that is cut further keeps its own, {}",
+               name_of(request.colour.kind), name_of(request.train->info.colour_transform.kind));
+  }
+  return request.train->info.colour_transform;
+}
+
 // Errors of the stored model against the source.
 void measure(Device* device, TileSource& source, const CompressRequest& request,
              CompressResult& result, Job& job) {
@@ -55,11 +65,16 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
   check_parameters(*request.codec, request.parameters);
   CompressResult result;
   const Clock::time_point start = Clock::now();
-  result.model = fit(device, source, request, job);
+  const ColourTransform transform = colour_transform(source, request, job);
+  TransformedSource transformed(source, transform, job.nan_zero);
+  TileSource& fitted = transform.is_identity() ? source : transformed;
+  result.model = fit(device, fitted, request, job);
   result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
   ModelInfo& info = result.model->info;
   info.selection = request.train ? request.train->info.selection : request.selection;
   info.program_version = version();
+  info.colour_transform = transform;
+  if (!request.train) info.btf.dtype = source.info().dtype;  // a transformed source is F32
 
   measure(device, source, request, result, job);
   if (!request.train) info.errors = result.errors;

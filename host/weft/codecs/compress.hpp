@@ -6,6 +6,7 @@
 #include <string>
 
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/colour_source.hpp"
 #include "weft/metrics/error_sums.hpp"
 #include "weft/model/tt.hpp"
 
@@ -16,6 +17,7 @@ struct CompressRequest {
   Parameters parameters;
   Storage storage = Storage::f16;
   std::string selection = "{}";  // what of the raw BTF the source is, as the model records it
+  ColourRequest colour;          // what is fitted instead of the stored values
   double peak = 0;               // of the PSNR; 0: by the data's type
   bool ssim = false;
   // A tensor train that is cut further instead of fitting one: the source is what it decodes to.

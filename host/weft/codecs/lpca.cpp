@@ -205,17 +205,18 @@ class LpcaCodec final : public Codec {
     return finish(std::move(fit.model), source.info(), options, storage, job);
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_lpca(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return std::make_unique<LpcaDeviceDecoder>(device, as_lpca(model));
   }
 
   // Factors and lists on the device, the padded coefficients and one basis also made ready on the
   // host.
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     const LpcaModel& lpca = as_lpca(model);
     constexpr std::size_t widest_panel = 48;
     const BtfShape& shape = model.info.btf.shape;
@@ -230,20 +231,20 @@ class LpcaCodec final : public Codec {
            2 * slots * (lpca.rank * sizeof(float) + 2 * sizeof(std::uint32_t));
   }
 
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return std::make_unique<LpcaReferenceDecoder>(as_lpca(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return std::make_unique<LpcaDeviceSampler>(device, as_lpca(model));
   }
 
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     return LpcaDeviceSampler::bytes(as_lpca(model));
   }
 
   // As for `pca`, cluster by cluster: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     const LpcaModel& lpca = as_lpca(model);
     const std::size_t clusters = lpca.ranks.size();
     const std::size_t n = lpca.mean.size() / clusters;

@@ -164,28 +164,29 @@ class PcaCodec final : public Codec {
     return std::move(fit.model);
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_pca(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return std::make_unique<PcaDeviceDecoder>(device, as_pca(model));
   }
 
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     const PcaModel& pca = as_pca(model);
     return (pca.mean.size() + pca.basis.size() + 2 * pca.coefficients.size()) * sizeof(float);
   }
 
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return std::make_unique<PcaReferenceDecoder>(as_pca(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return std::make_unique<PcaDeviceSampler>(device, as_pca(model));
   }
 
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     const PcaModel& pca = as_pca(model);
     const std::size_t n = pca.mean.size();
     return (n + ops::row_floats(n, pca.rank, "basis") +
@@ -194,13 +195,13 @@ class PcaCodec final : public Codec {
   }
 
   // A texel's coefficients are linear in its values: their averages are those of the values.
-  std::unique_ptr<Model> next_mip_level(const Model& model) const override {
+  std::unique_ptr<Model> fitted_mip_level(const Model& model) const override {
     return as_pca(model).next_mip_level();
   }
 
   // k products and the mean, summed in float: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|) for any
   // order of the sum, by Cauchy-Schwarz over the components.
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     const PcaModel& pca = as_pca(model);
     const std::size_t n = pca.mean.size();
     double largest_mean = 0;

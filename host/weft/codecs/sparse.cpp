@@ -96,28 +96,29 @@ class SparseCodec final : public Codec {
     return finish(std::move(fit), options, job);
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_sparse(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return sparse_decoder(device, as_sparse(model));
   }
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     return sparse_decoder_bytes(as_sparse(model));
   }
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return sparse_reference_decoder(as_sparse(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return sparse_sampler(device, as_sparse(model));
   }
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     return sparse_sampler_bytes(as_sparse(model));
   }
 
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     return sparse_decode_tolerance(as_sparse(model));
   }
 

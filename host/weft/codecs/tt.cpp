@@ -152,28 +152,29 @@ class TtCodec final : public Codec {
         job);
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_tt(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return tt_decoder(device, as_tt(model));
   }
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     return tt_decoder_bytes(as_tt(model));
   }
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return std::make_unique<TtReferenceDecoder>(as_tt(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return std::make_unique<TtDeviceSampler>(device, as_tt(model));
   }
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     return ops::TrainCores::bytes(as_tt(model)) +
            ops::TexelOrder::most_bytes(model.info.btf.shape.texels());
   }
-  std::unique_ptr<Model> next_mip_level(const Model& model) const override {
+  std::unique_ptr<Model> fitted_mip_level(const Model& model) const override {
     return as_tt(model).next_mip_level();
   }
 
@@ -182,7 +183,7 @@ class TtCodec final : public Codec {
   // s_n at least the largest spectral norm of a slice of core n:
   //
   //   |error| <= sum_n gamma_{R_n} sqrt(R_n) prod_n s_n      gamma_R = R u / (1 - R u)
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     const TtModel& train = as_tt(model);
     double size = 1;
     double terms = 0;

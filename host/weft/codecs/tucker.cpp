@@ -110,24 +110,25 @@ class TuckerCodec final : public Codec {
                   source.info(), job);
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_tucker(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return tucker_decoder(device, as_tucker(model));
   }
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     return tucker_decoder_bytes(as_tucker(model));
   }
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return std::make_unique<TuckerReferenceDecoder>(as_tucker(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return tucker_sampler(device, as_tucker(model));
   }
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     return tucker_sampler_bytes(as_tucker(model));
   }
 
@@ -135,7 +136,7 @@ class TuckerCodec final : public Codec {
   // gamma(t) sum |Z| prod |u_n|, t the roundings of all, and that at most |Z'| prod |u_n| by
   // Cauchy-Schwarz, Z' the part of the core that the modes without factors leave, and of those with
   // a factor all.
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     const TuckerModel& tucker = as_tucker(model);
     double terms = 1;
     double bound = largest_slice(tucker);

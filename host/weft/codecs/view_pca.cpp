@@ -287,17 +287,18 @@ class ViewPcaCodec final : public Codec {
     return model;
   }
 
-  std::unique_ptr<Model> select(const Model& model, const Selection& selection) const override {
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
     return as_view_pca(model).select(selection);
   }
 
-  std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
     return std::make_unique<ViewPcaDeviceDecoder>(device, as_view_pca(model));
   }
 
   // The components in panels, padded by less than one, and one view's beside them while it is
   // packed.
-  std::size_t decoder_bytes(const Model& model) const override {
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
     const ViewPcaModel& pca = as_view_pca(model);
     constexpr std::size_t widest_panel = 48;
     const std::size_t components = pca.offsets().back();
@@ -308,25 +309,25 @@ class ViewPcaCodec final : public Codec {
            sizeof(float);
   }
 
-  std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const override {
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
     return std::make_unique<ViewPcaReferenceDecoder>(as_view_pca(model));
   }
 
-  std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const override {
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
     return std::make_unique<ViewPcaDeviceSampler>(device, as_view_pca(model));
   }
 
-  std::size_t sampler_bytes(const Model& model) const override {
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
     return ViewPcaDeviceSampler::bytes(as_view_pca(model));
   }
 
   // A view's image is a sum of its components: their averages are those of the image.
-  std::unique_ptr<Model> next_mip_level(const Model& model) const override {
+  std::unique_ptr<Model> fitted_mip_level(const Model& model) const override {
     return as_view_pca(model).next_mip_level();
   }
 
   // As for `pca`, view by view: |error| <= gamma_{k+1} (|mean| + |A_p| |B_r|).
-  double decode_tolerance(const Model& model) const override {
+  double fitted_tolerance(const Model& model) const override {
     const ViewPcaModel& pca = as_view_pca(model);
     const BtfShape& shape = model.info.btf.shape;
     const std::size_t light_channels = shape.lights * shape.channels;

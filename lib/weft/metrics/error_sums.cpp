@@ -60,10 +60,16 @@ ErrorReport report(const ErrorSums& sums, double peak) {
 std::string to_json(const ErrorReport& report) {
   const std::string ssim =
       report.ssim ? fmt::format(R"(,"ssim":{})", json_number(*report.ssim)) : std::string();
+  const std::string log =
+      report.log ? fmt::format(R"(,"log":{{"scale":{},"rmse":{},"snr":{}}})",
+                               json_number(report.log->scale), json_number(report.log->rmse),
+                               json_number(report.log->snr))
+                 : std::string();
   return fmt::format(
-      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}{}}})",
+      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}{}{}}})",
       json_number(report.rmse), json_number(report.psnr), json_number(report.peak),
-      json_number(report.snr), json_number(report.relative), json_number(report.max_error), ssim);
+      json_number(report.snr), json_number(report.relative), json_number(report.max_error), ssim,
+      log);
 }
 
 }  // namespace weft

@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 
+#include "weft/metrics/log_errors.hpp"
+
 namespace weft {
 
 struct ErrorSums {
@@ -31,6 +33,7 @@ struct ErrorReport {
   double relative = 0;  // 0 for an exact reconstruction, infinite where T is all zero and T' not
   double max_error = 0;
   std::optional<double> ssim;  // weft/metrics/ssim.hpp, mean over images; where it was asked for
+  std::optional<LogErrorReport> log;  // where it was asked for, or a logarithm was fitted
 };
 
 // `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero)
@@ -38,8 +41,8 @@ struct ErrorReport {
 ErrorReport report(const ErrorSums& sums, double peak);
 
 // A JSON object {"rmse":...,"psnr":...,"psnr_peak":...,"snr":...,"relative":...,"max_error":...};
-// with "ssim" where there is one; infinities are written as the strings "inf" and "-inf", nan as
-// "nan".
+// with "ssim" where there is one and "log":{"scale":...,"rmse":...,"snr":...}; infinities are
+// written as the strings "inf" and "-inf", nan as "nan".
 std::string to_json(const ErrorReport& report);
 
 }  // namespace weft

@@ -49,7 +49,7 @@ std::vector<std::span<float>> LpcaModel::real_values() {
   return {mean, coefficients, basis};
 }
 
-void LpcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void LpcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                              std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
   const std::size_t n = shape.images() * shape.channels;  // one row of B

@@ -34,7 +34,7 @@ struct LpcaModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
-  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
   // The part that decodes to a selection, without clusters that none of its texels is in; its mip

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "weft/btf/btf.hpp"
+#include "weft/btf/colour_transform.hpp"
 #include "weft/metrics/error_sums.hpp"
 #include "weft/tensor/dtype.hpp"
 
@@ -32,7 +33,8 @@ struct ModelInfo {
   std::string codec;              // a name of the table of codecs
   std::string parameters = "{}";  // JSON object: what the encoder was asked and what it chose
   std::string selection = "{}";   // JSON object, see to_json(Selection)
-  std::string colour_transform = "none";
+  // Between what the codec was fitted to, which its tensors stand for, and what decoding gives.
+  ColourTransform colour_transform;
   Storage storage = Storage::f16;
   // Of the tensors, by name, that are quantised instead; see storage.hpp.
   std::map<std::string, Quantisation, std::less<>> quantised;
@@ -70,10 +72,17 @@ class Model {
   // The values of the real-valued ones among them, in the same order, to be rounded.
   virtual std::vector<std::span<float>> real_values() = 0;
 
-  // The C values of one texel for one view and light, computed in double by the codec's formula. In
-  // the stored encoding, scaled as the raw data (8-bit data: [0, 1]), not clamped. Indices are
-  // within info.btf.shape.
-  virtual void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  // The C values of one texel for one view and light, in double. In the stored encoding, scaled as
+  // the raw data (8-bit data: [0, 1]), not clamped. Indices are within info.btf.shape.
+  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+                    std::span<double> out) const {
+    fitted_texel(view, light, y, x, out);
+    info.colour_transform.invert(out);
+  }
+
+  // The same by the codec's formula alone: the values that it was fitted to, on which
+  // info.colour_transform is still to be inverted.
+  virtual void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                             std::span<double> out) const = 0;
 };
 

@@ -63,6 +63,13 @@ ErrorReport read_errors(std::string_view text, std::size_t count, const std::str
   report.relative = read_figure(object, "relative", where);
   report.max_error = read_figure(object, "max_error", where);
   if (object.contains("ssim")) report.ssim = read_figure(object, "ssim", where);
+  if (const auto log = object.find("log"); log != object.end()) {
+    const std::string log_where = where + " \"log\"";
+    if (!log->is_object()) fail_input("{}: no JSON object", log_where);
+    report.log =
+        LogErrorReport{read_figure(*log, "scale", log_where), read_figure(*log, "rmse", log_where),
+                       read_figure(*log, "snr", log_where)};
+  }
   return report;
 }
 
@@ -110,7 +117,7 @@ Metadata model_metadata(const ModelInfo& info, const std::string& where) {
   metadata["codec"] = info.codec;
   metadata["parameters"] = require_object(info.parameters, where + ": parameters");
   metadata["selection"] = require_object(info.selection, where + ": selection");
-  metadata["colour_transform"] = info.colour_transform;
+  metadata["colour_transform"] = to_text(info.colour_transform);
   metadata["storage"] = info.storage == Storage::f16 ? "f16" : "f32";
   metadata["shape"] = fmt::format("[{},{},{},{},{}]", shape.views, shape.lights, shape.height,
                                   shape.width, shape.channels);
@@ -135,7 +142,6 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   info.program_version = file.require("weft.version");
   info.parameters = require_object(file.require("parameters"), field_of(file, "parameters"));
   info.selection = require_object(file.require("selection"), field_of(file, "selection"));
-  info.colour_transform = file.require("colour_transform");
   info.storage = read_storage(file);
 
   const std::string_view dtype = file.require("dtype");
@@ -148,6 +154,9 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   }
   get_btf_metadata(file, info.btf);
   get_btf_side_tensors(file, info.btf);  // validates
+  info.colour_transform =
+      colour_transform_from_text(file.require("colour_transform"), info.btf.shape.channels,
+                                 field_of(file, "colour_transform"));
 
   if (file.metadata().count("errors") != 0) {
     info.errors =

@@ -34,7 +34,7 @@ std::vector<std::span<float>> PcaModel::real_values() {
   return {mean, coefficients, basis};
 }
 
-void PcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void PcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                             std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
   const std::size_t image_channels = shape.images() * shape.channels;  // one row of B

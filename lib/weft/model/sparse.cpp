@@ -108,7 +108,7 @@ std::vector<std::span<float>> SparseModel::real_values() {
   return {mean, dictionary, views.coefficients, texels.coefficients};
 }
 
-void SparseModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void SparseModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
   const std::size_t C = shape.channels;

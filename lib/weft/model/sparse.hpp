@@ -38,7 +38,7 @@ struct SparseModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
-  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
   // The part that decodes to a selection, without atoms that are in none of its lists; its mip

@@ -72,7 +72,7 @@ std::vector<std::span<float>> TtModel::real_values() {
   return {cores.begin(), cores.end()};
 }
 
-void TtModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void TtModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                            std::span<double> out) const {
   const std::array<std::size_t, mode_count> indices{view, light, y, x, 0};
   const auto index = [&](std::size_t n) { return indices[index_of(order[n])]; };

@@ -36,9 +36,9 @@ struct TtModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
-  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
-  // Products and sums of one decode_texel with all its channels.
+  // Products and sums of one fitted_texel with all its channels.
   std::size_t texel_operations() const;
 
   // The part that decodes to a selection, slices of the cores; its mip level is not looked at.

@@ -125,7 +125,7 @@ std::vector<std::span<float>> TuckerModel::real_values() {
   return list;
 }
 
-void TuckerModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void TuckerModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                std::span<double> out) const {
   const std::size_t channels = info.btf.shape.channels;
   const std::size_t channel = groups.group_of(Mode::channel);

@@ -33,7 +33,7 @@ struct TuckerModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
-  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
   // Takes the groups, with identities for all factors; the core is left to the caller.
@@ -41,7 +41,7 @@ struct TuckerModel final : Model {
 
   // Numbers in core and factors.
   std::size_t coefficients() const;
-  // Products and sums of one decode_texel with all its channels, counted exactly.
+  // Products and sums of one fitted_texel with all its channels, counted exactly.
   std::size_t texel_operations() const;
 
   // The part that decodes to a selection, rows of the factors or slices of the core; its mip level
@@ -54,7 +54,7 @@ struct TuckerModel final : Model {
  private:
   // Whether channels are a mode of their own.
   bool channels_alone() const;
-  // Modes with a factor, but for channels that stand alone, in the order that decode_texel
+  // Modes with a factor, but for channels that stand alone, in the order that fitted_texel
   // contracts them.
   std::vector<std::size_t> contraction_order() const;
   // One texel at v, l, y, x, c: a number for each slice of a channel mode that stands alone, else

@@ -50,7 +50,7 @@ std::vector<std::span<float>> ViewPcaModel::real_values() {
   return {mean, images, basis};
 }
 
-void ViewPcaModel::decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+void ViewPcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                                 std::span<double> out) const {
   const BtfShape& shape = info.btf.shape;
   const std::size_t p = y * shape.width + x;

@@ -31,7 +31,7 @@ struct ViewPcaModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
-  void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
+  void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
   // The part that decodes to a selection; its mip level is not looked at.

@@ -26,7 +26,7 @@ class TexelSampler final : public ReferenceSampler {
             const double weight = taps.texel_weight(t) * taps.view_weight(a) * taps.light_weight(b);
             if (weight == 0) continue;
             const std::size_t p = taps.texels[t];
-            model_.decode_texel(taps.views[a], taps.lights[b], p / shape.width, p % shape.width,
+            model_.fitted_texel(taps.views[a], taps.lights[b], p / shape.width, p % shape.width,
                                 texel);
             for (std::size_t c = 0; c < shape.channels; ++c) {
               out[i * shape.channels + c] += weight * texel[c];

@@ -9,7 +9,8 @@
 
 namespace weft::reference {
 
-// Tap by tap with Model::decode_texel. The model must outlive it.
+// Tap by tap with Model::fitted_texel: what comes out is in the terms of what was fitted, before
+// the model's colour transform is inverted. The model must outlive it.
 std::unique_ptr<ReferenceSampler> texel_sampler(const Model& model);
 
 // Of the values of raw images, as read_tile reads them. Goes through the source once for each call,

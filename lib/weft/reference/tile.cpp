@@ -122,6 +122,20 @@ ErrorSums error_sums(std::span<const double> values, std::span<const double> dec
   return sums;
 }
 
+LogErrorSums log_error_sums(std::span<const double> values, std::span<const double> decoded,
+                            double scale) {
+  const auto signed_log = [&](double x) {
+    return std::copysign(std::log1p(std::abs(x) / scale), x);
+  };
+  LogErrorSums sums;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double reference = signed_log(values[i]);
+    const double difference = reference - signed_log(decoded[i]);
+    sums.merge({1, reference * reference, difference * difference});
+  }
+  return sums;
+}
+
 double transcode(double value, Encoding from, Encoding to, DType dtype) {
   if (from != to) value = encode_from_linear(to, decode_to_linear(from, value));
   if (dtype == DType::u8) return value > 0 ? std::min(value, 1.0) : 0.0;

@@ -9,6 +9,7 @@
 #include "weft/btf/btf.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/metrics/log_errors.hpp"
 
 namespace weft::reference {
 
@@ -43,6 +44,9 @@ std::vector<double> convert_tile(std::size_t images, std::size_t texels, std::si
 
 // Errors of decoded values; a NaN in either makes the maximum NaN.
 ErrorSums error_sums(std::span<const double> values, std::span<const double> decoded);
+// The same on a logarithmic scale, see weft/metrics/log_errors.hpp.
+LogErrorSums log_error_sums(std::span<const double> values, std::span<const double> decoded,
+                            double scale);
 
 // The value that the nearest one of type `dtype` is stored for, of a value in `from` turned into
 // `to`: 8-bit in [0, 1] (NaN gives 0), finite values of F16 within +-65504.
