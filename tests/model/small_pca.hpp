@@ -23,7 +23,10 @@ inline PcaModel small_pca(Storage storage, std::size_t rank = 2, double magnitud
     model.info.btf.channel_names.push_back("channel " + std::to_string(c));
   }
   model.info.program_version = "1.2.3";
-  model.info.errors = ErrorReport{shape.values(), 0.01, 1.0, 40.0, 20.0, 0.1, 0.5, std::nullopt};
+  ErrorReport& errors = model.info.errors.emplace();
+  errors.count = shape.values();
+  errors.rmse = 0.01, errors.psnr = 40, errors.snr = 20, errors.relative = 0.1;
+  errors.max_error = 0.5;
   model.rank = rank;
   model.mean = random_floats(shape.images() * shape.channels, 1, 0, magnitude);
   model.coefficients = random_floats(shape.texels() * rank, 2, -1, 1);
