@@ -29,7 +29,7 @@
 //
 // ITEMS  work-items of a group: see group_largest.cl
 // SIDE   signals that a single work-item codes at the same time; 1 with several work-items
-// BLOCK  vectors that a work-item holds in registers, 1 to 8
+// BLOCK  vectors that a work-item holds in registers, 1 to 16
 // SMALLEST_CORRELATION, LEAST_DISTANCE, MOST_DEPENDENT
 //        where no pursuit goes on: PursuitLimits of weft/reference/batch_omp.hpp
 #include "vector_width.cl"
@@ -172,6 +172,17 @@ INLINE void write_code(uint count, uint k, ulong atoms, float scale, __global fl
   }
 }
 
+// Begins to fetch a cache line that is read soon. Without optimisation, as on simulators, there may be
+// no such thing.
+#if ITEMS == 1 && defined(__OPTIMIZE__) && defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+#define FETCH(p) __builtin_prefetch((const void*)(size_t)(p))
+#endif
+#endif
+#ifndef FETCH
+#define FETCH(p)
+#endif
+
 // What a group works in while it codes a signal:
 //
 //   c: [A]   q: [steps][A]   l: [steps][l_row]   a: [l_row]   1 / p: [l_row]   chosen: [l_row]
@@ -186,14 +197,18 @@ typedef struct {
   __global uint* chosen;
   float energy, left, wanted, smallest;
   Best best;
+  __global const float* g;  // of the last atom: its inner products with all, and what it explains
+  float step;
   uint count;
   bool more, recode;
+  __global const float* next;  // correlations of the signal behind
 } Pursuit;
 
 INLINE Pursuit start_pursuit(__global float* scratch, ulong A, ulong steps, ulong l_row,
-                             __global const float* correlations, float scale, float energy,
-                             float target, uint item) {
+                             __global const float* correlations, __global const float* next,
+                             float scale, float energy, float target, uint item) {
   Pursuit p;
+  p.next = next;
   p.c = scratch;
   p.q = p.c + A;
   p.l = p.q + steps * A;
@@ -217,9 +232,8 @@ INLINE Pursuit start_pursuit(__global float* scratch, ulong A, ulong steps, ulon
   return p;
 }
 
-// One more atom.
-INLINE Pursuit take_step(Pursuit p, __global const float* G, ulong A, ulong steps, ulong l_row LOCALS) {
-  // the best atom
+// One more atom, the best one, and whether another is wanted.
+INLINE Pursuit choose(Pursuit p, __global const float* G, ulong A, ulong steps, ulong l_row LOCALS) {
   const Candidate best = GROUP_LARGEST(candidate_of(p.best));
   p.recode = !(best.value > p.smallest);
   const uint n = min((uint)best.index, (uint)(A - 1));
@@ -251,38 +265,49 @@ INLINE Pursuit take_step(Pursuit p, __global const float* G, ulong A, ulong step
     p.chosen[t] = n;
   }
   SYNCHRONISE
+  p.g = g;
+  p.step = step;
   p.left -= step * correlation;
   ++p.count;
   p.more = p.count < steps && p.left > p.wanted && p.left >= LEAST_ENERGY * p.energy && !p.recode;
-  if (p.more) {
-    // q_t, c without it, and the largest of that
-    __global float* q_t = p.q + t * A;
-    Best next = NOTHING;
-    for (ulong i = item * BLOCK * VW; i < A; i += BLOCK * GROUP_STEP) {
-      realv x[BLOCK];
+  return p;
+}
+
+// q_t of the last atom, c without it, and the largest of that.
+INLINE Pursuit take_out(Pursuit p, ulong A, ulong l_row, uint item) {
+  const uint t = p.count - 1;
+  __global const float* row = p.l + t * l_row;
+  __global float* q_t = p.q + t * A;
+  Best next = NOTHING;
+  for (ulong i = item * BLOCK * VW; i < A; i += BLOCK * GROUP_STEP) {
+    realv x[BLOCK];
 #pragma unroll
-      for (uint b = 0; b < BLOCK; ++b) x[b] = LOAD(g + i + b * VW);
-      for (uint j = 0; j < t; ++j) {
-        const realv factor = row[j];
-        __global const float* q_j = p.q + j * A + i;
+    for (uint b = 0; b < BLOCK; ++b) x[b] = LOAD(p.g + i + b * VW);
+    if (t == 0) {
 #pragma unroll
-        for (uint b = 0; b < BLOCK; ++b) x[b] = fma(-factor, LOAD(q_j + b * VW), x[b]);
-      }
-#pragma unroll
-      for (uint b = 0; b < BLOCK; ++b) {
-        STORE(x[b], q_t + i + b * VW);
-        const realv rest = fma((realv)(-step), x[b], LOAD(p.c + i + b * VW));
-        STORE(rest, p.c + i + b * VW);
-        next = see(next, rest, i + b * VW);
-      }
+      for (uint b = 0; b < BLOCK; ++b) FETCH(p.next + i + b * VW);
     }
-    p.best = next;
+    for (uint j = 0; j < t; ++j) {
+      const realv factor = row[j];
+      __global const float* q_j = p.q + j * A + i;
+#pragma unroll
+      for (uint b = 0; b < BLOCK; ++b) x[b] = fma(-factor, LOAD(q_j + b * VW), x[b]);
+    }
+#pragma unroll
+    for (uint b = 0; b < BLOCK; ++b) {
+      STORE(x[b], q_t + i + b * VW);
+      const realv rest = fma((realv)(-p.step), x[b], LOAD(p.c + i + b * VW));
+      STORE(rest, p.c + i + b * VW);
+      next = see(next, rest, i + b * VW);
+    }
   }
+  p.best = next;
   return p;
 }
 
 // A group works on SIDE signals at a time, step by step, so that one's arithmetic goes on while
-// another waits for its best atom; each has its own scratch of `stride` floats.
+// another waits for its best atom; each has its own scratch of `stride` floats. The first step
+// fetches the correlations of the signals behind.
 WIDE_VECTORS __attribute__((reqd_work_group_size(ITEMS, 1, 1)))
 __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A, uint k, uint steps,
                            float target, __global const float* restrict correlations,
@@ -303,12 +328,14 @@ __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A,
       // past the end: the last signal again, which is not written
       const ulong s = min(s_begin + side, end - 1);
       pursuits[side] = start_pursuit(scratch + (get_group_id(0) * SIDE + side) * stride, A, steps,
-                                     l_row, correlations + c_offset + s * A, scales[s], energies[s],
-                                     target, item);
+                                     l_row, correlations + c_offset + s * A,
+                                     correlations + c_offset + min(s + SIDE, end - 1) * A, scales[s],
+                                     energies[s], target, item);
     }
 #if SIDE == 1
     while (pursuits[0].more) {
-      pursuits[0] = take_step(pursuits[0], G, A, steps, l_row PASS_LOCALS);
+      pursuits[0] = choose(pursuits[0], G, A, steps, l_row PASS_LOCALS);
+      if (pursuits[0].more) pursuits[0] = take_out(pursuits[0], A, l_row, item);
     }
 #else
     for (bool more = true; more;) {
@@ -316,9 +343,13 @@ __kernel void code_by_gram(ulong signals, ulong per_group, ulong atoms, ulong A,
 #pragma unroll
       for (uint side = 0; side < SIDE; ++side) {
         if (pursuits[side].more) {
-          pursuits[side] = take_step(pursuits[side], G, A, steps, l_row PASS_LOCALS);
+          pursuits[side] = choose(pursuits[side], G, A, steps, l_row PASS_LOCALS);
         }
         more |= pursuits[side].more;
+      }
+#pragma unroll
+      for (uint side = 0; side < SIDE; ++side) {
+        if (pursuits[side].more) pursuits[side] = take_out(pursuits[side], A, l_row, item);
       }
     }
 #endif

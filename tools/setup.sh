@@ -3,8 +3,8 @@
 #
 #   sh tools/setup.sh            packages to build and run the program
 #   sh tools/setup.sh --tests    also those of the tests and of the style checks
-#   sh tools/setup.sh --peers    also what tools/peers compares with; TensorLy, which Debian does not have,
-#                                by pip
+#   sh tools/setup.sh --peers    also what tools/peers compares with; TensorLy and, where there is a wheel of
+#                                it, SPAMS, which Debian does not have, by pip
 #   sh tools/setup.sh --check    (with or without the others) only says what is missing; status 1 if
 #                                anything is
 #
@@ -23,10 +23,13 @@ test_packages="
 peer_packages="
   libopenblas-pthread-dev libclblast-dev python3-sklearn python3-scipy python3-pip"
 peer_modules="tensorly"
+# MODULE=PACKAGE of pip; comparisons do without
+optional_modules="spams=spams-bin"
 
 check=no
 packages=$build_packages
 modules=
+optional=
 for argument in "$@"; do
   case $argument in
     --check) check=yes ;;
@@ -34,6 +37,7 @@ for argument in "$@"; do
     --peers)
       packages="$packages $peer_packages"
       modules=$peer_modules
+      optional=$optional_modules
       ;;
     *)
       echo "usage: sh tools/setup.sh [--check] [--tests] [--peers]" >&2
@@ -60,13 +64,23 @@ for module in $modules; do
   /usr/bin/python3 -c "import $module" 2>/dev/null || missing_modules="$missing_modules $module"
 done
 
-if [ -z "$missing$missing_modules" ]; then
+missing_optional=
+for module in $optional; do
+  /usr/bin/python3 -c "import ${module%=*}" 2>/dev/null ||
+    missing_optional="$missing_optional ${module#*=}"
+done
+
+if [ -z "$missing$missing_modules$missing_optional" ]; then
   echo "setup: all packages are there"
   exit 0
 fi
 [ -z "$missing" ] || echo "setup: missing packages:$missing"
 [ -z "$missing_modules" ] || echo "setup: missing Python modules:$missing_modules"
-[ "$check" = yes ] && exit 1
+[ -z "$missing_optional" ] || echo "setup: missing Python packages that are optional:$missing_optional"
+if [ "$check" = yes ]; then
+  [ -z "$missing$missing_modules" ] || exit 1
+  exit 0
+fi
 
 if [ -n "$missing" ]; then
   as_root=
@@ -89,3 +103,7 @@ if [ -n "$missing_modules" ]; then
   echo "setup: installing them with pip"
   /usr/bin/python3 -m pip install -q --user --break-system-packages $missing_modules
 fi
+for package in $missing_optional; do
+  /usr/bin/python3 -m pip install -q --user --break-system-packages "$package" ||
+    echo "setup: $package can't be installed here; comparisons leave it out" >&2
+done

@@ -2,7 +2,7 @@
 """Orthogonal matching pursuit by weft, by scikit-learn's orthogonal_mp_gram and, where it is installed,
 by SPAMS, among 256 atoms of dimension 300.
 
-Debian: apt-get install python3-sklearn. SPAMS: pip install spams-bin (optional). All with two threads:
+Debian: apt-get install python3-sklearn. SPAMS, optional: tools/setup.sh --peers. All with two threads:
 
   env -u OPENBLAS_CORETYPE OMP_NUM_THREADS=2 OPENBLAS_NUM_THREADS=2 \
     /usr/bin/python3 tools/peers/sparse_coding.py WEFT [ROUNDS]

@@ -21,7 +21,10 @@ constexpr std::size_t chunk_bytes = std::size_t{4} << 20;  // of correlations: t
 constexpr std::size_t scratch_bytes = std::size_t{64} << 20;  // of all groups
 constexpr std::size_t batch_bytes = std::size_t{16} << 20;
 constexpr std::size_t block_signals = std::size_t{1} << 16;
-constexpr std::size_t cpu_side = 3;                // signals of a work-item at the same time
+// signals of a work-item at the same time, and what they work in: most of a first cache
+constexpr std::size_t most_side = 3;
+constexpr std::size_t side_bytes = std::size_t{40} << 10;
+constexpr std::size_t most_vectors = 8;            // of a work-item in registers
 constexpr std::uint32_t coded_again = 0xFFFFFFFF;  // the counts RECODE and ENDED of the kernel
 
 // signals that a work-item measures
@@ -64,11 +67,11 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
   sizes.items = sizes.tiles
                     ? std::bit_floor(std::clamp<std::size_t>(device.limits().max_work_group, 1, 64))
                     : 1;
-  // twice the vectors in registers where that pads no further
-  const std::size_t few = 4 * sizes.vector_width;
-  sizes.vectors = sizes.tiles ? 1 : round_up(atoms, 2 * few) == round_up(atoms, few) ? 8 : 4;
-  sizes.A = round_up(atoms, sizes.vector_width * sizes.vectors);
-  sizes.side = sizes.tiles ? 1 : cpu_side;
+  constexpr std::size_t few = 4;
+  sizes.vectors = sizes.tiles ? 1 : most_vectors;
+  sizes.A = round_up(atoms, sizes.vector_width * (sizes.tiles ? 1 : few));
+  // as many in registers as need no more padding
+  while (sizes.A % (sizes.vector_width * sizes.vectors) != 0) sizes.vectors /= 2;
   sizes.dimension_p = round_up(dimension, sizes.vector_width);
   sizes.steps = std::min({k, atoms, dimension});
   sizes.l_row = round_up(sizes.steps, sizes.vector_width);
@@ -83,6 +86,10 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
   if (!sizes.gram) return sizes;
   sizes.chunk = std::clamp<std::size_t>(std::bit_floor(chunk_bytes / row_bytes), 64, 4096);
   sizes.group_floats = (sizes.steps + 1) * sizes.A + (sizes.steps + 3) * sizes.l_row;
+  if (!sizes.tiles) {
+    sizes.side =
+        std::clamp<std::size_t>(side_bytes / (sizes.group_floats * sizeof(float)), 1, most_side);
+  }
   sizes.groups = std::clamp<std::size_t>(scratch_bytes / (sizes.group_floats * sizeof(float)), 8,
                                          sizes.tiles ? 1024 : 64);
   sizes.groups = std::min(sizes.groups, sizes.chunk);

@@ -82,7 +82,7 @@ class BatchOmp {
     bool tiles = false;
     std::size_t vector_width = 0;
     std::size_t items = 0;         // of a work-group
-    std::size_t side = 0;          // signals of a group at the same time
+    std::size_t side = 1;          // signals of a group at the same time
     std::size_t vectors = 0;       // of a work-item in registers
     std::size_t A = 0;             // atoms, padded
     std::size_t dimension_p = 0;   // dimension, padded
