@@ -17,6 +17,7 @@ class LyingModel final : public Model {
 
   std::vector<ModelTensor> tensors() const override { return list; }
   std::vector<std::span<float>> real_values() override { return {}; }
+  void divide(const Weights&) override {}
   void fitted_texel(std::size_t, std::size_t, std::size_t, std::size_t,
                     std::span<double>) const override {}
 };

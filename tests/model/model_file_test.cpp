@@ -391,6 +391,7 @@ class IndexModel final : public Model {
             {"large", {3}, DType::u32, std::as_bytes(std::span(large))}};
   }
   std::vector<std::span<float>> real_values() override { return {}; }
+  void divide(const Weights&) override {}
   void fitted_texel(std::size_t, std::size_t, std::size_t, std::size_t,
                     std::span<double>) const override {}
 };

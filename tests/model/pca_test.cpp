@@ -106,6 +106,7 @@ TEST(PcaModel, TensorsThatDoNotFitEachOtherAreRefused) {
     std::vector<ModelTensor> list;
     std::vector<ModelTensor> tensors() const override { return list; }
     std::vector<std::span<float>> real_values() override { return {}; }
+    void divide(const Weights&) override {}
     void fitted_texel(std::size_t, std::size_t, std::size_t, std::size_t,
                       std::span<double>) const override {}
   };

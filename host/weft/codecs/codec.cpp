@@ -99,6 +99,12 @@ std::size_t Codec::sampler_bytes(const Model& model) const {
   return fitted_sampler_bytes(model) + inverse_bytes(model);
 }
 
+bool Codec::separates_texels(const Parameters& parameters, const BtfShape& shape) const {
+  (void)parameters;
+  (void)shape;
+  return false;
+}
+
 std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) const {
   if (const ChannelPart* part = as_part(model)) {
     return with_channels(part->whole().info.btf.shape, part->channels(),

@@ -71,6 +71,13 @@ class Codec {
   virtual std::string_view summary() const = 0;
   virtual std::span<const ParameterSpec> parameters() const = 0;
 
+  // Whether it takes a mean ABRDF from the texels before it fits them; what matters to weights, see
+  // weighted_fit.hpp.
+  virtual bool removes_mean() const { return false; }
+  // Whether rows and columns are modes of their own, so that its models can only be divided by
+  // products of factors of both.
+  virtual bool separates_texels(const Parameters& parameters, const BtfShape& shape) const;
+
   // Fits a model to all of `source`. Its real-valued tensors are rounded to `storage`; info.errors
   // is left to the caller, who measures (see measure.hpp). Throws input errors for parameters that
   // make no sense, for NaN or infinite values (naming the first) and for a plan beyond job.memory.

@@ -15,6 +15,7 @@
 #include "weft/ops/launch.hpp"
 #include "weft/ops/look_up_factors.hpp"
 #include "weft/reference/lpca.hpp"
+#include "weft/reference/weigh_clusters.hpp"
 
 namespace weft {
 namespace {
@@ -177,6 +178,7 @@ class LpcaCodec final : public Codec {
   std::string_view summary() const override {
     return "clusters of texels, each with its mean and principal components";
   }
+  bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override {
     static constexpr std::array<ParameterSpec, 3> specs{
         {{"rank", "8", "number of components k per cluster"},
@@ -188,21 +190,23 @@ class LpcaCodec final : public Codec {
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
     const LpcaOptions options = lpca_options(parameters);
-    job.plan(plan_lpca(device, source, options));
-    LpcaFit fit = fit_lpca(device, source, options, job);
+    LpcaOptions fitted = options;
+    fitted.rank += extra_rank(source);
+    job.plan(plan_lpca(device, source, fitted));
+    LpcaFit fit = fit_lpca(device, source, fitted, job);
     job.notes.push_back(fmt::format("clustered in {} global components ({}), {} iterations there",
                                     fit.reduced_rank, fit.svd, fit.reduced_errors.size()));
     note_errors(fit.errors, job);
-    return finish(std::move(fit.model), source.info(), options, storage, job);
+    return finish(std::move(fit.model), source, options, storage, job);
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
     const LpcaOptions options = lpca_options(parameters);
-    reference::LpcaFit fit =
-        reference::encode_lpca(source, {options.clusters, options.rank, options.iterations}, job);
+    reference::LpcaFit fit = reference::encode_lpca(
+        source, {options.clusters, options.rank + extra_rank(source), options.iterations}, job);
     note_errors(fit.errors, job);
-    return finish(std::move(fit.model), source.info(), options, storage, job);
+    return finish(std::move(fit.model), source, options, storage, job);
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -299,8 +303,16 @@ class LpcaCodec final : public Codec {
         fmt::format("relative error of each fit to the data: {}", fmt::join(texts, ", ")));
   }
 
-  std::unique_ptr<Model> finish(std::unique_ptr<LpcaModel> model, const BtfInfo& info,
+  // Where texels have weights, a component more is fitted in place of the clusters' means.
+  static std::size_t extra_rank(const TileSource& source) {
+    return source.texel_scale().empty() ? 0 : 1;
+  }
+
+  std::unique_ptr<Model> finish(std::unique_ptr<LpcaModel> model, TileSource& source,
                                 const LpcaOptions& options, Storage storage, Job& job) const {
+    if (!source.texel_scale().empty()) {
+      reference::weigh_clusters(*model, source.texel_scale(), options.rank);
+    }
     const std::size_t kept = model->ranks.size();
     if (kept < options.clusters) {
       job.notes.push_back(fmt::format("{} clusters asked, {} kept: the data has no use for more",
@@ -315,7 +327,7 @@ class LpcaCodec final : public Codec {
         R"({{"clusters":{},"rank":{},"iterations":{},"seed":{},"kept_clusters":{},"kept_rank":{}}})",
         options.clusters, options.rank, options.iterations, job.seed, kept, model->rank);
     model->info.storage = storage;
-    model->info.btf = info;
+    model->info.btf = source.info();
     round_to_storage(*model);
     return model;
   }

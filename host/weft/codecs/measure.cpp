@@ -31,10 +31,27 @@ double scan_largest(TileSource& raw, const Job& job) {
   return largest;
 }
 
+// [P][C]: a texel's weight for each of its channels.
+Buffer texel_weight_buffer(Device& device, const BtfShape& shape, const Weights& weights) {
+  std::vector<float> values;
+  values.reserve(shape.image_values());
+  for (std::size_t p = 0; p < shape.texels(); ++p) {
+    values.insert(values.end(), shape.channels, static_cast<float>(weights.texel(p)));
+  }
+  Buffer buffer(device, values.size() * sizeof(float), "weights of texels");
+  device.write(buffer, std::span<const float>(values));
+  return buffer;
+}
+
+// What the weights leave as it is: the maxima, and how many values there are.
+void add_maxima(const ErrorSums& errors, ErrorSums& weighted) {
+  weighted.merge({errors.count, 0, 0, errors.max_difference, errors.max_reference});
+}
+
 }  // namespace
 
 ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw, Job& job,
-                         SimilarityRequest* similarity) {
+                         SimilarityRequest* similarity, WeightedErrors* weighted) {
   const BtfInfo& info = raw.info();
   const BtfShape& shape = info.shape;
   // 8-bit and half values can be squared in float as they are.
@@ -48,11 +65,24 @@ ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw
                          static_cast<double>(info.bytes()));
   TileStream stream(device, raw, image_granule(shape));
   Buffer decoded(device, stream.granule() * shape.image_values() * sizeof(float), "decoded images");
+  const Buffer texel_weights =
+      weighted ? texel_weight_buffer(device, shape, weighted->weights) : Buffer();
   ErrorSums sums;
   stream.for_each([&](std::size_t first, std::size_t count, const Buffer& values) {
     decoder.decode(first, count, decoded);
     const ops::TileShape tile = tile_shape(info, count, job);
-    sums.merge(ops::error_sums(device, tile, values, decoded, scale));
+    const ErrorSums errors = ops::error_sums(device, tile, values, decoded, scale);
+    sums.merge(errors);
+    if (weighted) {
+      const std::vector<ops::WeightedSquares> squares =
+          ops::weighted_squares(device, tile, values, decoded, texel_weights, scale);
+      for (std::size_t i = 0; i < count; ++i) {
+        const double w = weighted->weights.image(first + i, shape.lights);
+        weighted->sums.square_reference += w * squares[i].reference;
+        weighted->sums.square_difference += w * squares[i].difference;
+      }
+      add_maxima(errors, weighted->sums);
+    }
     if (similarity) {
       for (const double ssim :
            ops::ssim(device, tile, shape.width, values, decoded, similarity->peak)) {
@@ -65,7 +95,7 @@ ErrorSums measure_errors(Device& device, DeviceDecoder& decoder, TileSource& raw
 }
 
 ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job,
-                         SimilarityRequest* similarity) {
+                         SimilarityRequest* similarity, WeightedErrors* weighted) {
   const BtfInfo& info = raw.info();
   const BtfShape& shape = info.shape;
   if (similarity && similarity->peak == 0) {
@@ -84,9 +114,32 @@ ErrorSums measure_errors(ReferenceDecoder& decoder, TileSource& raw, Job& job,
     sums.merge(reference::error_sums(std::span<const double>(values).first(size),
                                      std::span<const double>(decoded).first(size)));
     if (similarity) add_similarities(shape, count, values, decoded, *similarity);
+    if (weighted) add_weighted_errors(shape, first, count, values, decoded, *weighted);
     job.advance("measure (reference)", first + count, shape.images());
   }
   return sums;
+}
+
+void add_weighted_errors(const BtfShape& shape, std::size_t first, std::size_t images,
+                         std::span<const double> raw, std::span<const double> decoded,
+                         WeightedErrors& weighted) {
+  const std::size_t values = shape.image_values();
+  for (std::size_t i = 0; i < images; ++i) {
+    ErrorSums errors;
+    for (std::size_t p = 0; p < shape.texels(); ++p) {
+      const std::size_t at = i * values + p * shape.channels;
+      ErrorSums texel = reference::error_sums(raw.subspan(at, shape.channels),
+                                              decoded.subspan(at, shape.channels));
+      const double w = weighted.weights.texel(p);
+      texel.square_reference *= w;
+      texel.square_difference *= w;
+      errors.merge(texel);
+    }
+    const double w = weighted.weights.image(first + i, shape.lights);
+    errors.square_reference *= w;
+    errors.square_difference *= w;
+    weighted.sums.merge(errors);
+  }
 }
 
 void add_similarities(const BtfShape& shape, std::size_t images, std::span<const double> raw,

@@ -121,6 +121,7 @@ class PcaCodec final : public Codec {
   std::string_view summary() const override {
     return "principal components of the texels' ABRDFs, mean removed";
   }
+  bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override { return svd_parameters; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,

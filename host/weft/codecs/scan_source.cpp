@@ -14,6 +14,7 @@ SourceScan scan_source(Device& device, TileSource& source, Job& job) {
   const BtfShape& shape = info.shape;
   const StageTimer timer(job, "scan", 0, static_cast<double>(info.bytes()));
   SourceScan scan;
+  const bool centred = !source.texel_scale().empty();
   scan.means.reserve(shape.images() * shape.channels);
   std::optional<std::size_t> too_large;  // first image of the first tile that holds such a value
   TileStream(device, source, image_granule(shape))
@@ -24,7 +25,8 @@ SourceScan scan_source(Device& device, TileSource& source, Job& job) {
           reference::fail_non_finite(shape, first * shape.image_values() + *tile.first_bad);
         }
         for (const double sum : tile.sums) {
-          scan.means.push_back(static_cast<float>(sum / static_cast<double>(shape.texels())));
+          const double mean = centred ? 0.0 : sum / static_cast<double>(shape.texels());
+          scan.means.push_back(static_cast<float>(mean));
         }
         scan.largest = std::max(scan.largest, static_cast<double>(tile.largest));
         job.advance("scan", first + count, shape.images());

@@ -11,7 +11,9 @@
 namespace weft {
 
 struct SourceScan {
-  std::vector<float> means;  // [N C]: the mean ABRDF, over the texels of each image and channel
+  // [N C]: the mean ABRDF, over the texels of each image and channel; zeros where the source has
+  // taken a weighted mean from its values.
+  std::vector<float> means;
   double largest = 0;        // largest magnitude
 };
 

@@ -75,6 +75,7 @@ class SparseCodec final : public Codec {
   std::string_view summary() const override {
     return "sparse tensor decomposition: a dictionary and two sparse tensors, by K-SVD";
   }
+  bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override { return sparse_parameters; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,

@@ -88,6 +88,7 @@ class TtCodec final : public Codec {
   std::string_view summary() const override {
     return "tensor train: a chain of small cores, one per mode; fast single texels";
   }
+  bool separates_texels(const Parameters&, const BtfShape&) const override { return true; }
   std::span<const ParameterSpec> parameters() const override {
     static constexpr std::array<ParameterSpec, 4> specs{{
         {"target", "", target_help},

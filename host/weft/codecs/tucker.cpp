@@ -91,6 +91,11 @@ class TuckerCodec final : public Codec {
   std::string_view summary() const override {
     return "N-mode SVD: a core and a factor per mode, as TensorTextures";
   }
+  bool separates_texels(const Parameters& parameters, const BtfShape& shape) const override {
+    const auto merge = parameters.find("merge");
+    const ModeGroups groups(shape, merge == parameters.end() ? "" : merge->second);
+    return groups.group_of(Mode::row) != groups.group_of(Mode::column);
+  }
   std::span<const ParameterSpec> parameters() const override { return tucker_parameters; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,

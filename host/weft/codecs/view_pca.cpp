@@ -197,6 +197,7 @@ class ViewPcaCodec final : public Codec {
   std::string_view summary() const override {
     return "principal components of the images of each view, mean removed";
   }
+  bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override {
     static const std::array<ParameterSpec, svd_parameters.size()> specs = [] {
       auto list = svd_parameters;

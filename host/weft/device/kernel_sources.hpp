@@ -46,6 +46,7 @@ extern const KernelSource tsqr;
 extern const KernelSource turn_channels;
 extern const KernelSource unfold_tile;
 extern const KernelSource weigh_directions;
+extern const KernelSource weighted_squares;
 }  // namespace kernel_sources
 
 // kernels/tuning.json

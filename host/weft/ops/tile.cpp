@@ -147,6 +147,31 @@ ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
   return sums;
 }
 
+std::vector<WeightedSquares> weighted_squares(Device& device, const TileShape& tile,
+                                              const Buffer& raw, const Buffer& decoded,
+                                              const Buffer& weights, float scale) {
+  const std::size_t image = tile.texels * tile.channels;
+  const std::size_t chunks = ceil_div(image, device.parameter(tunables::error_sums, "CHUNK"));
+  Buffer partial(device, tile.images * chunks * 2 * sizeof(float), "partial errors");
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::weighted_squares,
+                    fmt::format("{} {}", value_options(tile.dtype, tile.nan_zero),
+                                device.tuned_options(tunables::error_sums)),
+                    "weighted_squares");
+  set_arguments(kernel, raw, decoded, weights, ulong(image), scale, partial);
+  launch_items(device, kernel, chunks, tile.images);
+  std::vector<float> host(tile.images * chunks * 2);
+  device.read(partial, std::span<float>(host));
+  std::vector<WeightedSquares> squares(tile.images);
+  const double unscale = 1.0 / (static_cast<double>(scale) * static_cast<double>(scale));
+  for (std::size_t i = 0; i < tile.images * chunks; ++i) {
+    WeightedSquares& sums = squares[i / chunks];
+    sums.difference += unscale * static_cast<double>(host[2 * i]);
+    sums.reference += unscale * static_cast<double>(host[2 * i + 1]);
+  }
+  return squares;
+}
+
 void transcode_tile(Device& device, std::size_t count, const Buffer& in, Encoding from, Encoding to,
                     DType dtype, Buffer& out) {
   const int type = dtype == DType::u8 ? 0 : dtype == DType::f16 ? 1 : 2;

@@ -1,4 +1,5 @@
-// Operations on raw tiles: scan_tile.cl, convert_tile.cl, error_sums.cl, transcode_tile.cl.
+// Operations on raw tiles: scan_tile.cl, convert_tile.cl, error_sums.cl, weighted_squares.cl,
+// transcode_tile.cl.
 //
 // A raw tile is [images][P][C] of U8, F16 or F32 in a device buffer; 8-bit values count as x / 255.
 #pragma once
@@ -57,6 +58,17 @@ void convert_tile_transposed(Device& device, const TileShape& tile, const Buffer
 // that brings values near 1. Waits for the device.
 ErrorSums error_sums(Device& device, const TileShape& tile, const Buffer& raw,
                      const Buffer& decoded, float scale);
+
+// Sums of squares with weights of the texels, of one image.
+struct WeightedSquares {
+  double reference = 0;   // sum w_p T^2
+  double difference = 0;  // sum w_p (T - T')^2
+};
+
+// The same of each image of a tile; `weights` are floats [P][C]. Waits for the device.
+std::vector<WeightedSquares> weighted_squares(Device& device, const TileShape& tile,
+                                              const Buffer& raw, const Buffer& decoded,
+                                              const Buffer& weights, float scale);
 
 // Converts `count` floats in `in` from one encoding to another and stores them as `dtype`: U8
 // clamps to [0, 1] and rounds; F16 clamps finite values to +-65504.

@@ -26,6 +26,11 @@ class TileSource {
   // that names the file for data that can't be read or is not what was announced.
   virtual void read(std::size_t first, std::size_t count, std::span<std::byte> out) = 0;
 
+  // Of a source whose texels have weights w_p: s_p = sqrt(w_p), with which their values were
+  // multiplied after their weighted mean ABRDF was taken from them. Codecs then take none. Empty
+  // where values are as they are.
+  virtual std::span<const float> texel_scale() const { return {}; }
+
   // The images [first, first + count) where they lie in memory as they are (a mapped file), valid
   // while the source lives; empty if they do not.
   virtual std::span<const std::byte> mapped(std::size_t first, std::size_t count) {

@@ -14,6 +14,7 @@ class ViewSource final : public TileSource {
   ViewSource(TileSource& whole, std::size_t view);
 
   const BtfInfo& info() const override { return info_; }
+  std::span<const float> texel_scale() const override { return whole_.texel_scale(); }
   void read(std::size_t first, std::size_t count, std::span<std::byte> out) override;
   std::span<const std::byte> mapped(std::size_t first, std::size_t count) override;
   void prefetch(std::size_t first, std::size_t count) override;

@@ -1,4 +1,5 @@
-// NumPy's .npy format, versions 1.0 to 3.0: little-endian uint8, float16, float32, C order.
+// NumPy's .npy format, versions 1.0 to 3.0: little-endian uint8, float16, float32, float64, C
+// order. A BTF is none of float64.
 #pragma once
 
 #include <cstddef>

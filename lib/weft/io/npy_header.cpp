@@ -138,8 +138,10 @@ DType dtype_of(std::string_view descr, std::string_view where) {
   if (descr == "|u1" || descr == "<u1" || descr == "u1") return DType::u8;
   if (descr == "<f2") return DType::f16;
   if (descr == "<f4") return DType::f32;
-  fail_input("{}: NPY header: 'descr' '{}' is none of little-endian uint8, float16, float32", where,
-             shown(descr));
+  if (descr == "<f8") return DType::f64;
+  fail_input(
+      "{}: NPY header: 'descr' '{}' is none of little-endian uint8, float16, float32, float64",
+      where, shown(descr));
 }
 
 }  // namespace

@@ -57,6 +57,11 @@ ErrorReport report(const ErrorSums& sums, double peak) {
   return result;
 }
 
+WeightedErrorReport weighted_report(const ErrorSums& sums, double peak) {
+  const ErrorReport errors = report(sums, peak);
+  return {errors.rmse, errors.psnr, errors.snr, errors.relative};
+}
+
 std::string to_json(const ErrorReport& report) {
   const std::string ssim =
       report.ssim ? fmt::format(R"(,"ssim":{})", json_number(*report.ssim)) : std::string();
@@ -65,11 +70,17 @@ std::string to_json(const ErrorReport& report) {
                                json_number(report.log->scale), json_number(report.log->rmse),
                                json_number(report.log->snr))
                  : std::string();
+  const std::string weighted =
+      report.weighted
+          ? fmt::format(R"(,"weighted":{{"rmse":{},"psnr":{},"snr":{},"relative":{}}})",
+                        json_number(report.weighted->rmse), json_number(report.weighted->psnr),
+                        json_number(report.weighted->snr), json_number(report.weighted->relative))
+          : std::string();
   return fmt::format(
-      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}{}{}}})",
+      R"({{"rmse":{},"psnr":{},"psnr_peak":{},"snr":{},"relative":{},"max_error":{}{}{}{}}})",
       json_number(report.rmse), json_number(report.psnr), json_number(report.peak),
       json_number(report.snr), json_number(report.relative), json_number(report.max_error), ssim,
-      log);
+      log, weighted);
 }
 
 }  // namespace weft

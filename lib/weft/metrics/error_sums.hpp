@@ -24,6 +24,14 @@ struct ErrorSums {
   void merge(const ErrorSums& other);
 };
 
+// The same figures of sums with weights w, RMSE = sqrt(sum w (T - T')^2 / sum w).
+struct WeightedErrorReport {
+  double rmse = 0;
+  double psnr = 0;
+  double snr = 0;
+  double relative = 0;
+};
+
 struct ErrorReport {
   std::size_t count = 0;
   double rmse = 0;
@@ -33,16 +41,20 @@ struct ErrorReport {
   double relative = 0;  // 0 for an exact reconstruction, infinite where T is all zero and T' not
   double max_error = 0;
   std::optional<double> ssim;  // weft/metrics/ssim.hpp, mean over images; where it was asked for
-  std::optional<LogErrorReport> log;  // where it was asked for, or a logarithm was fitted
+  std::optional<LogErrorReport> log;            // where it was asked for, or a logarithm was fitted
+  std::optional<WeightedErrorReport> weighted;  // where a model was fitted with weights
 };
 
 // `peak`: 1 for 8-bit data; the data's largest magnitude for float data (1 where that is zero)
 // unless given. Where `square_difference` overflowed or vanished the figures say so by inf or 0.
 ErrorReport report(const ErrorSums& sums, double peak);
+// The same of sums with weights, whose count is the sum of these.
+WeightedErrorReport weighted_report(const ErrorSums& sums, double peak);
 
 // A JSON object {"rmse":...,"psnr":...,"psnr_peak":...,"snr":...,"relative":...,"max_error":...};
-// with "ssim" where there is one and "log":{"scale":...,"rmse":...,"snr":...}; infinities are
-// written as the strings "inf" and "-inf", nan as "nan".
+// with "ssim" where there is one, "log":{"scale":...,"rmse":...,"snr":...} and
+// "weighted":{"rmse":...,"psnr":...,"snr":...,"relative":...}; infinities are written as the
+// strings "inf" and "-inf", nan as "nan".
 std::string to_json(const ErrorReport& report);
 
 }  // namespace weft

@@ -23,6 +23,7 @@ class ChannelPart final : public Model {
   std::vector<ModelTensor> tensors() const override { return whole_->tensors(); }
   // None: it decodes what the whole holds.
   std::vector<std::span<float>> real_values() override { return {}; }
+  void divide(const Weights&) override {}
   // The transform is inverted here: info.colour_transform is none.
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;

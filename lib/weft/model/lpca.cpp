@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -47,6 +48,23 @@ std::vector<ModelTensor> LpcaModel::tensors() const {
 
 std::vector<std::span<float>> LpcaModel::real_values() {
   return {mean, coefficients, basis};
+}
+
+void LpcaModel::divide(const Weights& factors) {
+  const BtfShape& shape = info.btf.shape;
+  const std::size_t images = shape.images();
+  for (std::vector<float>* rows : {&mean, &basis}) {
+    for (std::size_t i = 0; i < rows->size(); ++i) {
+      divide_by((*rows)[i], factors.image(i / shape.channels % images, shape.lights));
+    }
+  }
+  for (std::size_t i = 0; i < coefficients.size(); ++i) {
+    divide_by(coefficients[i], factors.texel(i / rank));
+  }
+}
+
+void LpcaModel::add_mean(std::span<const float> added) {
+  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += added[i % added.size()];
 }
 
 void LpcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

@@ -34,6 +34,8 @@ struct LpcaModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
+  void divide(const Weights& factors) override;
+  void add_mean(std::span<const float> mean) override;
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 

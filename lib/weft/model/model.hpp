@@ -17,6 +17,8 @@
 
 namespace weft {
 
+struct Weights;
+
 // How the real-valued tensors of a model are stored if they are not quantised.
 enum class Storage : std::uint8_t { f16, f32 };
 
@@ -35,6 +37,9 @@ struct ModelInfo {
   std::string selection = "{}";   // JSON object, see to_json(Selection)
   // Between what the codec was fitted to, which its tensors stand for, and what decoding gives.
   ColourTransform colour_transform;
+  // JSON object that says by which weights the model was fitted, see weights_file.hpp; empty: none.
+  // Factors of a model that has some are not orthonormal.
+  std::string weights;
   Storage storage = Storage::f16;
   // Of the tensors, by name, that are quantised instead; see storage.hpp.
   std::map<std::string, Quantisation, std::less<>> quantised;
@@ -71,6 +76,13 @@ class Model {
   virtual std::vector<ModelTensor> tensors() const = 0;
   // The values of the real-valued ones among them, in the same order, to be rounded.
   virtual std::vector<std::span<float>> real_values() = 0;
+
+  // Divides the tensors so that they decode to T / (s_v s_l s_p) where they decoded to T: what
+  // undoes the weights that a model was fitted with. Factors are not orthonormal then. Where rows
+  // and columns are modes of their own, s_p is the product of factors of both.
+  virtual void divide(const Weights& factors) = 0;
+  // Adds a mean ABRDF [V, L, C] to what is decoded, where the codec has one.
+  virtual void add_mean(std::span<const float> mean) { (void)mean; }
 
   // The C values of one texel for one view and light, in double. In the stored encoding, scaled as
   // the raw data (8-bit data: [0, 1]), not clamped. Indices are within info.btf.shape.

@@ -3,10 +3,10 @@
 // Metadata: weft.format ("1"), weft.version, codec, parameters, selection, colour_transform,
 // storage
 // ("f16" or "f32"), shape ("[V,L,Y,X,C]" of what decoding gives), dtype, encoding, quantity,
-// layout, channel_names, source, errors, checksums ({"tensor": "16 hex digits of XXH3-64"}).
-// Tensors: the codec's, `view_directions`, `light_directions`, optionally `mask`; with F16 storage
-// a real-valued tensor NAME is F16 and stands beside NAME.scale (F32, one power of two per
-// component).
+// layout, channel_names, source, weights (where the model was fitted with some), errors, checksums
+// ({"tensor": "16 hex digits of XXH3-64"}). Tensors: the codec's, `view_directions`,
+// `light_directions`, optionally `mask`; with F16 storage a real-valued tensor NAME is F16 and
+// stands beside NAME.scale (F32, one power of two per component).
 #pragma once
 
 #include <cstddef>

@@ -70,6 +70,13 @@ ErrorReport read_errors(std::string_view text, std::size_t count, const std::str
         LogErrorReport{read_figure(*log, "scale", log_where), read_figure(*log, "rmse", log_where),
                        read_figure(*log, "snr", log_where)};
   }
+  if (const auto weighted = object.find("weighted"); weighted != object.end()) {
+    const std::string part = where + ": \"weighted\"";
+    if (!weighted->is_object()) fail_input("{}: no JSON object", part);
+    report.weighted = {read_figure(*weighted, "rmse", part), read_figure(*weighted, "psnr", part),
+                       read_figure(*weighted, "snr", part),
+                       read_figure(*weighted, "relative", part)};
+  }
   return report;
 }
 
@@ -118,6 +125,9 @@ Metadata model_metadata(const ModelInfo& info, const std::string& where) {
   metadata["parameters"] = require_object(info.parameters, where + ": parameters");
   metadata["selection"] = require_object(info.selection, where + ": selection");
   metadata["colour_transform"] = to_text(info.colour_transform);
+  if (!info.weights.empty()) {
+    metadata["weights"] = require_object(info.weights, where + ": weights");
+  }
   metadata["storage"] = info.storage == Storage::f16 ? "f16" : "f32";
   metadata["shape"] = fmt::format("[{},{},{},{},{}]", shape.views, shape.lights, shape.height,
                                   shape.width, shape.channels);
@@ -142,6 +152,9 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   info.program_version = file.require("weft.version");
   info.parameters = require_object(file.require("parameters"), field_of(file, "parameters"));
   info.selection = require_object(file.require("selection"), field_of(file, "selection"));
+  if (file.metadata().count("weights") != 0) {
+    info.weights = require_object(file.value("weights"), field_of(file, "weights"));
+  }
   info.storage = read_storage(file);
 
   const std::string_view dtype = file.require("dtype");

@@ -1,6 +1,10 @@
 #include "weft/model/pca.hpp"
 
+#include <algorithm>
+#include <functional>
+
 #include "weft/btf/mip.hpp"
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -32,6 +36,22 @@ std::vector<ModelTensor> PcaModel::tensors() const {
 
 std::vector<std::span<float>> PcaModel::real_values() {
   return {mean, coefficients, basis};
+}
+
+void PcaModel::divide(const Weights& factors) {
+  const BtfShape& shape = info.btf.shape;
+  for (std::size_t r = 0; r < mean.size(); ++r) {
+    const double s = factors.image(r / shape.channels, shape.lights);
+    divide_by(mean[r], s);
+    for (std::size_t j = 0; j < rank; ++j) divide_by(basis[j * mean.size() + r], s);
+  }
+  for (std::size_t i = 0; i < coefficients.size(); ++i) {
+    divide_by(coefficients[i], factors.texel(i / rank));
+  }
+}
+
+void PcaModel::add_mean(std::span<const float> added) {
+  std::transform(mean.begin(), mean.end(), added.begin(), mean.begin(), std::plus<>());
 }
 
 void PcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

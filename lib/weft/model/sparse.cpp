@@ -2,8 +2,11 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <functional>
 #include <limits>
 
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -106,6 +109,32 @@ std::vector<ModelTensor> SparseModel::tensors() const {
 
 std::vector<std::span<float>> SparseModel::real_values() {
   return {mean, dictionary, views.coefficients, texels.coefficients};
+}
+
+// The views' lists take s_v, the dictionary s_l, the texels' lists s_p.
+void SparseModel::divide(const Weights& factors) {
+  const BtfShape& shape = info.btf.shape;
+  const std::size_t C = shape.channels;
+  for (std::size_t r = 0; r < mean.size(); ++r) {
+    divide_by(mean[r], factors.image(r / C, shape.lights));
+  }
+  if (!factors.lights.empty()) {
+    for (std::size_t i = 0; i < dictionary.size(); ++i) {
+      divide_by(dictionary[i], factors.lights[i / C % shape.lights]);
+    }
+  }
+  if (!factors.views.empty()) {
+    for (std::size_t i = 0; i < views.coefficients.size(); ++i) {
+      divide_by(views.coefficients[i], factors.views[i / views.length % shape.views]);
+    }
+  }
+  for (std::size_t i = 0; i < texels.coefficients.size(); ++i) {
+    divide_by(texels.coefficients[i], factors.texel(i / texels.length));
+  }
+}
+
+void SparseModel::add_mean(std::span<const float> added) {
+  std::transform(mean.begin(), mean.end(), added.begin(), mean.begin(), std::plus<>());
 }
 
 void SparseModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "weft/btf/mip.hpp"
+#include "weft/error.hpp"
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -70,6 +72,21 @@ std::vector<ModelTensor> TtModel::tensors() const {
 
 std::vector<std::span<float>> TtModel::real_values() {
   return {cores.begin(), cores.end()};
+}
+
+void TtModel::divide(const Weights& factors) {
+  const BtfShape& shape = info.btf.shape;
+  const auto split = rows_and_columns(factors.texels, shape.height, shape.width);
+  if (!split) fail_runtime("tt: texel factors are no products of those of rows and columns");
+  const std::array<const std::vector<double>*, mode_count> lists{
+      &factors.views, &factors.lights, &split->first, &split->second, nullptr};
+  for (std::size_t n = 0; n < mode_count; ++n) {
+    const std::vector<double>* s = lists[index_of(order[n])];
+    if (s == nullptr || s->empty()) continue;
+    for (std::size_t i = 0; i < cores[n].size(); ++i) {
+      divide_by(cores[n][i], (*s)[i / ranks[n + 1] % size(n)]);
+    }
+  }
 }
 
 void TtModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

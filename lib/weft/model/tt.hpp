@@ -36,6 +36,7 @@ struct TtModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
+  void divide(const Weights& factors) override;
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
   // Products and sums of one fitted_texel with all its channels.

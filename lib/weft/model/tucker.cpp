@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "weft/error.hpp"
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 #include "weft/tensor/sizes.hpp"
 
@@ -123,6 +124,45 @@ std::vector<std::span<float>> TuckerModel::real_values() {
     if (has_factor(n)) list.emplace_back(factors[n]);
   }
   return list;
+}
+
+// A mode's factors divide the rows of its U, or the slices of the core where it has none.
+void TuckerModel::divide(const Weights& scale) {
+  const BtfShape& shape = info.btf.shape;
+  const auto split = rows_and_columns(scale.texels, shape.height, shape.width);
+  const bool texels_together = groups.group_of(Mode::row) == groups.group_of(Mode::column);
+  if (!texels_together && !split) fail_runtime("tucker: texel factors are no products");
+  for (std::size_t n = 0; n < groups.count(); ++n) {
+    const ModeGroup& group = groups.groups()[n];
+    const auto index = [&](Mode mode, std::size_t i) {
+      return i / groups.stride(mode) % mode_size(shape, mode);
+    };
+    std::vector<double> s(group.size, 1.0);
+    for (std::size_t i = 0; i < group.size; ++i) {
+      if (group.has(Mode::view) && !scale.views.empty()) {
+        s[i] *= scale.views[index(Mode::view, i)];
+      }
+      if (group.has(Mode::light) && !scale.lights.empty()) {
+        s[i] *= scale.lights[index(Mode::light, i)];
+      }
+      if (scale.texels.empty()) continue;
+      if (group.has(Mode::row) && group.has(Mode::column)) {
+        s[i] *= scale.texels[index(Mode::row, i) * shape.width + index(Mode::column, i)];
+      } else if (group.has(Mode::row)) {
+        s[i] *= split->first[index(Mode::row, i)];
+      } else if (group.has(Mode::column)) {
+        s[i] *= split->second[index(Mode::column, i)];
+      }
+    }
+    if (std::all_of(s.begin(), s.end(), [](double value) { return value == 1; })) continue;
+    if (has_factor(n)) {
+      std::vector<float>& U = factors[n];
+      for (std::size_t i = 0; i < U.size(); ++i) divide_by(U[i], s[i / ranks[n]]);
+      continue;
+    }
+    const std::size_t inner = product(std::span(ranks).subspan(n + 1));
+    for (std::size_t i = 0; i < core.size(); ++i) divide_by(core[i], s[i / inner % ranks[n]]);
+  }
 }
 
 void TuckerModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

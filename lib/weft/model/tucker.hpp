@@ -33,6 +33,7 @@ struct TuckerModel final : Model {
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
+  void divide(const Weights& scale) override;
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 

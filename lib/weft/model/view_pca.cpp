@@ -1,8 +1,10 @@
 #include "weft/model/view_pca.hpp"
 
 #include <algorithm>
+#include <functional>
 
 #include "weft/btf/mip.hpp"
+#include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
@@ -48,6 +50,27 @@ std::vector<ModelTensor> ViewPcaModel::tensors() const {
 
 std::vector<std::span<float>> ViewPcaModel::real_values() {
   return {mean, images, basis};
+}
+
+void ViewPcaModel::divide(const Weights& factors) {
+  const BtfShape& shape = info.btf.shape;
+  const std::size_t row = shape.lights * shape.channels;
+  for (std::size_t r = 0; r < mean.size(); ++r) {
+    divide_by(mean[r], factors.image(r / shape.channels, shape.lights));
+  }
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    divide_by(images[i], factors.texel(i % shape.texels()));
+  }
+  const std::vector<std::size_t> first = offsets();
+  for (std::size_t v = 0; v < ranks.size(); ++v) {
+    for (std::size_t i = first[v] * row; i < first[v + 1] * row; ++i) {
+      divide_by(basis[i], factors.image(v * shape.lights + i % row / shape.channels, shape.lights));
+    }
+  }
+}
+
+void ViewPcaModel::add_mean(std::span<const float> added) {
+  std::transform(mean.begin(), mean.end(), added.begin(), mean.begin(), std::plus<>());
 }
 
 void ViewPcaModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

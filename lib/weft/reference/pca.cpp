@@ -56,7 +56,8 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
   plan.add("model", (texels + n) * rank * sizeof(float));
   job.plan(plan);
 
-  // mean ABRDF, rounded to float as the model stores it
+  // mean ABRDF, rounded to float as the model stores it; none where a weighted one was taken
+  const bool centred = !source.texel_scale().empty();
   std::vector<double> values(run * shape.image_values());
   const auto for_each_run = [&](const std::string& stage, const auto& use) {
     for (std::size_t first = 0; first < shape.images(); first += run) {
@@ -76,7 +77,8 @@ PcaFit encode_pca(TileSource& source, SvdRequest request, Job& job) {
     for_each_run("scan", [&](std::size_t, std::size_t count, std::span<const double> tile) {
       for (const double value : tile) squares += value * value;
       for (const double sum : scan_tile(count, texels, shape.channels, tile).sums) {
-        const float rounded = static_cast<float>(sum / static_cast<double>(texels));
+        const float rounded =
+            centred ? 0.0f : static_cast<float>(sum / static_cast<double>(texels));
         mean.push_back(static_cast<double>(rounded));
         mean_squares += mean.back() * mean.back() * static_cast<double>(texels);
       }
