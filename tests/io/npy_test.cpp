@@ -38,6 +38,7 @@ TEST(NpyHeader, ReadsTheFormsThatNumPyWrote) {
   for (const Case& c : std::vector<Case>{
            {good_dict, 8, DType::f32, {1, 2}},
            {"{'descr': '|u1', 'fortran_order': False, 'shape': (3,), }", 3, DType::u8, {3}},
+           {"{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }", 16, DType::f64, {2}},
            {"{'descr': '<f2', 'fortran_order': False, 'shape': (), }", 2, DType::f16, {}},
            {"{\"shape\":(0,5),\"descr\":\"<f2\",\"fortran_order\":False}  \n",
             0,
@@ -99,7 +100,7 @@ TEST(NpyHeader, RefusesWhatIsWrong) {
   const auto with = [](const char* descr, const char* order, const char* shape) {
     return fmt::format("{{'descr': {}, 'fortran_order': {}, 'shape': {}, }}", descr, order, shape);
   };
-  for (const char* descr : {"'>f4'", "'<f8'", "'<i4'", "'|b1'", "'|O'", "''", "'<f4\n'"}) {
+  for (const char* descr : {"'>f4'", "'>f8'", "'<i4'", "'|b1'", "'|O'", "''", "'<f4\n'"}) {
     dict_refused(with(descr, "False", "(1, 2)"), {"descr", "little-endian"});
   }
   dict_refused(with("[('a', '<f4')]", "False", "(1, 2)"), {"descr"});

@@ -66,4 +66,11 @@ void add_error_fields(Report& report, const ErrorReport& errors) {
   if (errors.ssim) report.add("ssim", *errors.ssim);
 }
 
+void add_weighted_fields(Report& report, const WeightedErrorReport& errors) {
+  report.add("rmse", errors.rmse);
+  report.add("psnr", errors.psnr, "dB");
+  report.add("snr", errors.snr, "dB");
+  report.add("relative", errors.relative);
+}
+
 }  // namespace weft

@@ -7,8 +7,10 @@ namespace weft {
 
 struct BtfInfo;
 struct ErrorReport;
+struct WeightedErrorReport;
 
 void add_btf_fields(Report& report, const BtfInfo& info);
 void add_error_fields(Report& report, const ErrorReport& errors);
+void add_weighted_fields(Report& report, const WeightedErrorReport& errors);
 
 }  // namespace weft

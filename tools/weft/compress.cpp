@@ -18,8 +18,10 @@
 #include "subcommand.hpp"
 #include "transform_options.hpp"
 #include "weft/codecs/decoded_source.hpp"
+#include "weft/codecs/weighted_fit.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
+#include "weft/io/weights_file.hpp"
 #include "weft/metrics/ssim.hpp"
 
 namespace weft {
@@ -36,6 +38,7 @@ struct CompressOptions {
   std::uint64_t seed = 0;
   double peak = 0;  // 0: by the data's type
   bool ssim = false;
+  std::string weights;
   SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
@@ -67,10 +70,20 @@ void run_compress(const CompressOptions& options) {
     input = open_raw_btf(options.input);
   }
   const auto train = std::dynamic_pointer_cast<const TtModel>(given);
-  const Selection selection = make_selection(options.selection, input->info());
+  Selection selection = make_selection(options.selection, input->info());
   if (given && (!train || !selection.selects_all())) {
     fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
                options.input, given->info.codec);
+  }
+  Weights weights;
+  if (!options.weights.empty()) {
+    if (given)
+      fail_input("--weights {}: a train that is cut further keeps to its own errors",
+                 options.weights);
+    const Weights whole = read_weights(options.weights, input->info());
+    selection = without_zeros(whole, input->info(), selection);
+    weights = select(whole, input->info(), selection);
+    check_weights(codec, options.parameters, select(input->info(), selection).shape, weights);
   }
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
@@ -87,6 +100,8 @@ void run_compress(const CompressOptions& options) {
   request.storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
   request.selection = to_json(selection);
   request.colour = make_colour_request(options.transform);
+  request.weights = weights;
+  if (!options.weights.empty()) request.weights_json = weights_json(options.weights, weights);
   request.peak = options.peak;
   request.ssim = options.ssim;
   request.train = train;
@@ -112,6 +127,7 @@ void run_compress(const CompressOptions& options) {
   report.add("storage", model->info.storage == Storage::f16 ? "f16" : "f32");
   add_transform_field(report, model->info.colour_transform);
   report.add("selection", json_cell(model->info.selection));
+  if (!model->info.weights.empty()) report.add("weights", json_cell(model->info.weights));
   add_btf_fields(report, model->info.btf);
   report.add("raw_size", bytes_cell(source->info().bytes()));
   report.add("file_size", bytes_cell(size));
@@ -120,6 +136,9 @@ void run_compress(const CompressOptions& options) {
   Report& errors = report.section("errors");
   add_error_fields(errors, result.errors);
   if (options.ssim) errors.add("lowest_ssim", result.lowest_ssim);
+  if (result.errors.weighted) {
+    add_weighted_fields(report.section("weighted_errors"), *result.errors.weighted);
+  }
   report.add("device", device_name(device));
   report.add("encode_time", result.encode_seconds, "s");
   report.add("time", seconds, "s");
@@ -193,6 +212,13 @@ void add_compress(CLI::App& program, Action& action) {
   command->add_flag("--ssim", options->ssim,
                     "Measure the structural similarity too, mean over images of 11 x 11 texels or "
                     "more; the peak is the PSNR's");
+  command
+      ->add_option("--weights", options->weights,
+                   "Weights of the squared errors that a fit minimises: cos (a view's projected "
+                   "area, and of BRDFs the light's squared cosine) and NPY files "
+                   "views=FILE,lights=FILE,texels=FILE, whose product is taken; what has weight "
+                   "zero is not selected")
+      ->type_name("WEIGHTS");
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
@@ -205,6 +231,7 @@ void add_compress(CLI::App& program, Action& action) {
       "Examples:\n"
       "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"
       "  weft compress cloth.safetensors --rank 100 --storage f32 --memory 1GiB -o cloth.weft\n"
+      "  weft compress cloth.safetensors --weights cos,texels=roi.npy -o cloth.weft\n"
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
       "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"
       "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"

@@ -55,12 +55,16 @@ void describe_model(Report& report, const std::filesystem::path& path) {
   report.add("storage", info.storage == Storage::f16 ? "f16" : "f32");
   report.add("selection", json_cell(info.selection));
   add_transform_field(report, info.colour_transform);
+  if (!info.weights.empty()) report.add("weights", json_cell(info.weights));
   add_btf_fields(report, info.btf);
   report.add("raw_size", bytes_cell(info.btf.bytes()));
   report.add("file_size", bytes_cell(model.size()));
   report.add("ratio", static_cast<double>(info.btf.bytes()) / static_cast<double>(model.size()));
   report.add("checksums", "verified");
   if (info.errors) add_error_fields(report.section("errors"), *info.errors);
+  if (info.errors && info.errors->weighted) {
+    add_weighted_fields(report.section("weighted_errors"), *info.errors->weighted);
+  }
   add_tensor_table(report, model.file());
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@
 #include "weft/device/tile_stream.hpp"
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
+#include "weft/io/weights_file.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft {
@@ -30,6 +32,7 @@ struct VerifyOptions {
   std::string model;
   std::string expand;  // modes, "y,x"
   std::string against;
+  std::string weights;
   double tolerance = 1;
   std::string nan = "error";
   bool ssim = false;
@@ -54,6 +57,29 @@ std::shared_ptr<TileSource> fitted_part(const std::string& path, const Model& mo
   return part;
 }
 
+// Weights to measure with, of the part of the raw BTF that the model was fitted to: those given, or
+// those it was fitted with where that takes no files.
+struct Weighing {
+  Weights weights;
+  bool fitted = false;  // whether the model was fitted with them
+};
+
+std::optional<Weighing> weighing(const VerifyOptions& options, const Model& model) {
+  const std::string where = options.model + ": metadata \"weights\"";
+  std::string text = options.weights;
+  if (text.empty() && !model.info.weights.empty()) {
+    text = given_weights(model.info.weights, where);
+    if (text.find('=') != std::string::npos) text.clear();
+  }
+  if (text.empty()) return {};
+  const BtfInfo whole = open_raw_btf(options.against)->info();
+  const Selection selection = selection_from_json(model.info.selection, "the model's selection");
+  Weighing result{select(read_weights(text, whole), whole, selection)};
+  result.fitted =
+      !model.info.weights.empty() && are_given(result.weights, model.info.weights, where);
+  return result;
+}
+
 // |device - reference| over all values, and the reference's errors against the raw BTF, if there is
 // one: the reference decodes slowly, and so only once.
 struct Difference {
@@ -66,7 +92,7 @@ struct Difference {
 };
 
 Difference compare(Device& device, const Codec& codec, const Model& model, TileSource* raw,
-                   SimilarityRequest* similarity, Job& job) {
+                   SimilarityRequest* similarity, WeightedErrors* weighted, Job& job) {
   const BtfShape& shape = model.info.btf.shape;
   const std::size_t run = image_granule(shape);
   const std::size_t values = run * shape.image_values();
@@ -99,6 +125,7 @@ Difference compare(Device& device, const Codec& codec, const Model& model, TileS
       difference.reference_errors.merge(
           reference::error_sums(tile, std::span(by_reference).first(size)));
       if (similarity) add_similarities(shape, count, tile, by_reference, *similarity);
+      if (weighted) add_weighted_errors(shape, first, count, tile, by_reference, *weighted);
     }
     job.advance("device against reference", first + count, shape.images());
   }
@@ -111,6 +138,11 @@ std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors, bo
       number_cell(errors.snr), number_cell(errors.relative), number_cell(errors.max_error)};
   if (ssim) row.push_back(errors.ssim ? number_cell(*errors.ssim) : Cell{"-", "null", true});
   return row;
+}
+
+std::vector<Cell> weighted_row(std::string_view name, const WeightedErrorReport& errors) {
+  return {text_cell(name), number_cell(errors.rmse), number_cell(errors.psnr),
+          number_cell(errors.snr), number_cell(errors.relative)};
 }
 
 void run_verify(const VerifyOptions& options) {
@@ -128,6 +160,11 @@ void run_verify(const VerifyOptions& options) {
     check_ssim(model->info.btf.shape.height, model->info.btf.shape.width, 1.0);
   }
   if (!options.against.empty()) raw = fitted_part(options.against, *model, options.nan == "zero");
+  if (!options.weights.empty() && options.against.empty()) {
+    fail_input("--weights {}: of what? --against names the raw BTF", options.weights);
+  }
+  std::optional<Weighing> weights;
+  if (raw) weights = weighing(options, *model);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
@@ -143,10 +180,14 @@ void run_verify(const VerifyOptions& options) {
   // the device's errors first: they give the peak
   ErrorReport device_errors;
   SimilarityRequest similarity;
+  const Weights none;
+  WeightedErrors weighted{weights ? weights->weights : none, {}};
+  WeightedErrors weighted_reference{weighted.weights, {}};
   if (raw) {
     if (model->info.errors) similarity.peak = model->info.errors->peak;
-    const ErrorSums sums = measure_errors(*device, *codec.decoder(*device, *model), *raw, job,
-                                          options.ssim ? &similarity : nullptr);
+    const ErrorSums sums =
+        measure_errors(*device, *codec.decoder(*device, *model), *raw, job,
+                       options.ssim ? &similarity : nullptr, weights ? &weighted : nullptr);
     device_errors = weft::report(
         sums, model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), sums));
     if (options.ssim) device_errors.ssim = similarity.sums.mean();
@@ -154,7 +195,8 @@ void run_verify(const VerifyOptions& options) {
   SimilarityRequest by_reference{similarity.peak, {}};
   const double unit = codec.decode_tolerance(*model);
   const Difference difference =
-      compare(*device, codec, *model, raw.get(), options.ssim ? &by_reference : nullptr, job);
+      compare(*device, codec, *model, raw.get(), options.ssim ? &by_reference : nullptr,
+              weights ? &weighted_reference : nullptr, job);
   const bool agree = difference.largest <= options.tolerance * unit;
 
   Report report;
@@ -188,6 +230,23 @@ void run_verify(const VerifyOptions& options) {
     std::vector<std::string> columns{"decoded_by", "rmse", "psnr", "snr", "relative", "max_error"};
     if (options.ssim) columns.emplace_back("ssim");
     report.table("errors", std::move(columns), std::move(rows));
+    if (weights) {
+      const double peak = device_errors.peak;
+      const WeightedErrorReport on_device = weighted_report(weighted.sums, peak);
+      std::vector<std::vector<Cell>> weighted_rows{
+          weighted_row("device", on_device),
+          weighted_row("reference", weighted_report(weighted_reference.sums, peak))};
+      if (weights->fitted && model->info.errors && model->info.errors->weighted) {
+        const WeightedErrorReport& recorded = *model->info.errors->weighted;
+        weighted_rows.push_back(weighted_row("recorded in the model", recorded));
+        as_recorded =
+            as_recorded && std::abs(on_device.rmse - recorded.rmse) <= 1e-3 * recorded.rmse + unit;
+      }
+      report.table("weighted_errors", {"decoded_by", "rmse", "psnr", "snr", "relative"},
+                   std::move(weighted_rows));
+    } else if (!model->info.weights.empty()) {
+      job.notes.push_back("weighted errors are not measured: --weights gives no files");
+    }
     report.add("as_recorded", as_recorded);
   }
   reported.finish_progress();
@@ -224,6 +283,12 @@ void add_verify(CLI::App& program, Action& action) {
       ->add_option("--against", options->against,
                    "Raw BTF that the model was made of; the model's selection of it is taken")
       ->type_name("FILE");
+  command
+      ->add_option(
+          "--weights", options->weights,
+          "Measure errors with weights too, as compress takes them; a model fitted with cos "
+          "needs no telling")
+      ->type_name("WEIGHTS");
   command
       ->add_option("--tolerance", options->tolerance,
                    "Largest difference allowed, in units of the derived rounding bound")

@@ -5,19 +5,39 @@
 
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/tt.hpp"
+#include "weft/codecs/weighted_fit.hpp"
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/version.hpp"
 
 namespace weft {
 namespace {
 
-// A model of the source, stored as the request says.
+// A model of the source, rounded to the storage.
 std::unique_ptr<Model> fit(Device* device, TileSource& source, const CompressRequest& request,
-                           Job& job) {
-  if (request.train) return round_tt(*request.train, request.parameters, request.storage, job);
+                           Storage storage, Job& job) {
+  if (request.train) return round_tt(*request.train, request.parameters, storage, job);
   const Codec& codec = *request.codec;
-  return device ? codec.encode(*device, source, request.parameters, request.storage, job)
-                : codec.encode_reference(source, request.parameters, request.storage, job);
+  return device ? codec.encode(*device, source, request.parameters, storage, job)
+                : codec.encode_reference(source, request.parameters, storage, job);
+}
+
+// Makes the model what its file will give back.
+void store(Model& model, Storage storage) {
+  model.info.storage = storage;
+  if (auto* train = dynamic_cast<TtModel*>(&model)) train->stored.fill(storage);
+  round_to_storage(model);
+}
+
+// A model of the source, stored as the request says.
+std::unique_ptr<Model> stored_fit(Device* device, TileSource& source,
+                                  const CompressRequest& request, Job& job) {
+  if (request.weights.all_equal()) return fit(device, source, request, request.storage, job);
+  WeightedFit weighted(*request.codec, request.parameters, source, request.weights, job);
+  std::unique_ptr<Model> model = fit(device, weighted.source(), request, Storage::f32, job);
+  weighted.undo(*model);
+  store(*model, request.storage);
+  return model;
 }
 
 // What of the source is fitted.
@@ -37,11 +57,14 @@ void measure(Device* device, TileSource& source, const CompressRequest& request,
   SimilarityRequest* const wanted = request.ssim ? &similarity : nullptr;
   const Model& model = *result.model;
   const Codec& codec = *request.codec;
+  WeightedErrors weighted{request.weights, {}};
+  WeightedErrors* const weighs = request.weights_json.empty() ? nullptr : &weighted;
   const ErrorSums sums =
-      device ? measure_errors(*device, *codec.decoder(*device, model), source, job, wanted)
-             : measure_errors(*codec.reference_decoder(model), source, job, wanted);
+      device ? measure_errors(*device, *codec.decoder(*device, model), source, job, wanted, weighs)
+             : measure_errors(*codec.reference_decoder(model), source, job, wanted, weighs);
   const double peak = request.peak > 0 ? request.peak : psnr_peak(source.info(), sums);
   result.errors = report(sums, peak);
+  if (weighs) result.errors.weighted = weighted_report(weighted.sums, peak);
   if (request.ssim) {
     result.errors.ssim = similarity.sums.mean();
     result.lowest_ssim = similarity.sums.lowest;
@@ -68,10 +91,11 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
   const ColourTransform transform = colour_transform(source, request, job);
   TransformedSource transformed(source, transform, job.nan_zero);
   TileSource& fitted = transform.is_identity() ? source : transformed;
-  result.model = fit(device, fitted, request, job);
+  result.model = stored_fit(device, fitted, request, job);
   result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
   ModelInfo& info = result.model->info;
   info.selection = request.train ? request.train->info.selection : request.selection;
+  info.weights = request.weights_json;
   info.program_version = version();
   info.colour_transform = transform;
   if (!request.train) info.btf.dtype = source.info().dtype;  // a transformed source is F32

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "weft/btf/weights.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
 #include "weft/metrics/error_sums.hpp"
@@ -18,6 +19,8 @@ struct CompressRequest {
   Storage storage = Storage::f16;
   std::string selection = "{}";  // what of the raw BTF the source is, as the model records it
   ColourRequest colour;          // what is fitted instead of the stored values
+  Weights weights;               // of the source, each mode's of mean 1
+  std::string weights_json;      // what they are, as the model records it; empty: none were given
   double peak = 0;               // of the PSNR; 0: by the data's type
   bool ssim = false;
   // A tensor train that is cut further instead of fitting one: the source is what it decodes to.
@@ -32,7 +35,9 @@ struct CompressResult {
   double encode_seconds = 0;
 };
 
-// Compresses all of `source` on the device, or by the reference if it is null. Errors are measured:
+// Compresses all of `source` on the device, or by the reference if it is null. Where there are
+// weights, the fit minimises the weighted error, which is measured beside the plain one. Errors are
+// measured:
 // the model, as stored, is decoded and compared with the source; the model holds them too, unless
 // it was cut of a train, whose errors are no raw BTF's. Throws input errors for parameters that the
 // codec does not have or that make no sense, and what the codec's encoder throws.

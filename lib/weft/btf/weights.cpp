@@ -32,9 +32,12 @@ std::vector<double> products(const std::vector<double>& a, const std::vector<dou
 }
 
 // To the mean 1; nothing if all are equal.
-void normalise(std::vector<double>& weights) {
+void normalise(std::vector<double>& weights, std::string_view mode) {
   const bool equal =
       std::adjacent_find(weights.begin(), weights.end(), std::not_equal_to<>()) == weights.end();
+  if (equal && !weights.empty() && weights[0] == 0) {
+    fail_input("weights: all {} that are selected have weight zero", mode);
+  }
   if (equal) {
     weights.clear();
     return;
@@ -157,9 +160,9 @@ Weights select(const Weights& weights, const BtfInfo& info, const Selection& sel
       result.texels.assign(texels.begin(), texels.end());
     }
   }
-  normalise(result.views);
-  normalise(result.lights);
-  normalise(result.texels);
+  normalise(result.views, "views");
+  normalise(result.lights, "lights");
+  normalise(result.texels, "texels");
   return result;
 }
 

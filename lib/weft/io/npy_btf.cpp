@@ -81,6 +81,9 @@ std::unique_ptr<TileSink> create_npy_btf(const std::filesystem::path& path, cons
 std::shared_ptr<TileSource> open_npy_btf(const std::filesystem::path& path) {
   const NpyHeader header = read_npy_header(path);
   const auto file = std::make_shared<const MappedFile>(path);
+  if (header.dtype == DType::f64) {
+    fail_input("{}: NPY header: a BTF of '<f8' (float64) is not read: float32 is", path.string());
+  }
   if (header.shape.size() != 5) {
     fail_input("{}: {} modes instead of the 5 of [V, L, Y, X, C]", path.string(),
                header.shape.size());

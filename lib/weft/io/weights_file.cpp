@@ -108,6 +108,21 @@ std::vector<std::string> parts_of(std::string_view text) {
   return parts;
 }
 
+std::string checksum_of(const Weights& weights) {
+  XXH64_hash_t hash = 0;
+  for (const std::vector<double>* list : {&weights.views, &weights.lights, &weights.texels}) {
+    hash = XXH3_64bits_withSeed(list->data(), list->size() * sizeof(double), hash);
+  }
+  return fmt::format("{:016x}", hash);
+}
+
+std::string member(std::string_view json, const char* name, std::string_view where) {
+  const nlohmann::json object = parse_json(json, where);
+  const auto value = object.is_object() ? object.find(name) : object.end();
+  if (value == object.end() || !value->is_string()) fail_input("{}: no text \"{}\"", where, name);
+  return value->get<std::string>();
+}
+
 }  // namespace
 
 Weights read_weights(std::string_view text, const BtfInfo& info) {
@@ -134,21 +149,18 @@ std::string weights_json(std::string_view text, const Weights& weights) {
                  : part.substr(0, equals + 1) +
                        std::filesystem::path(part.substr(equals + 1)).filename().string();
   }
-  XXH64_hash_t hash = 0;
-  for (const std::vector<double>* list : {&weights.views, &weights.lights, &weights.texels}) {
-    hash = XXH3_64bits_withSeed(list->data(), list->size() * sizeof(double), hash);
-  }
   nlohmann::ordered_json object;
   object["given"] = given;
-  object["checksum"] = fmt::format("{:016x}", hash);
+  object["checksum"] = checksum_of(weights);
   return object.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
 std::string given_weights(std::string_view json, std::string_view where) {
-  const nlohmann::json object = parse_json(json, where);
-  const auto given = object.is_object() ? object.find("given") : object.end();
-  if (given == object.end() || !given->is_string()) fail_input("{}: no text \"given\"", where);
-  return given->get<std::string>();
+  return member(json, "given", where);
+}
+
+bool are_given(const Weights& weights, std::string_view json, std::string_view where) {
+  return checksum_of(weights) == member(json, "checksum", where);
 }
 
 }  // namespace weft

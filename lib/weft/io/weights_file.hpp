@@ -22,4 +22,7 @@ std::string weights_json(std::string_view text, const Weights& weights);
 // What was given. Throws an input error that names `where` for text that weights_json did not make.
 std::string given_weights(std::string_view json, std::string_view where);
 
+// Whether weights of a selection are those that the text is of.
+bool are_given(const Weights& weights, std::string_view json, std::string_view where);
+
 }  // namespace weft
