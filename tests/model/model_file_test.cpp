@@ -229,7 +229,10 @@ TEST(ModelFile, RefusesMissingAndWrongMetadata) {
       {"channel_names", {"{}", "[1]", "[", R"("R")"}},
       {"errors",
        {"", "[]", "{}", R"({"rmse":"x"})",
-        R"({"rmse":1,"psnr":null,"psnr_peak":1,"snr":1,"relative":1,"max_error":1})"}}};
+        R"({"rmse":1,"psnr":null,"psnr_peak":1,"snr":1,"relative":1,"max_error":1})",
+        R"({"rmse":1,"psnr":1,"psnr_peak":1,"snr":1,"relative":1,"max_error":1,"log":1})",
+        R"({"rmse":1,"psnr":1,"psnr_peak":1,"snr":1,"relative":1,"max_error":1,)"
+        R"("log":{"scale":0,"rmse":1,"snr":1}})"}}};
   for (const auto& [key, values] : wrong) {
     for (const char* value : values) {
       SCOPED_TRACE(value);

@@ -69,7 +69,8 @@ TEST(Bench, ListsOperationsWithoutMeasuring) {
                              "gemm (double)"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }
-  for (const char* kernel : {"code_residuals", "ksvd_update"}) {
+  for (const char* kernel :
+       {"code_residuals", "ksvd_update", "invert_colour log", "log_error_sums"}) {
     EXPECT_TRUE(operations.contains(kernel)) << kernel;
   }
 }

@@ -64,6 +64,11 @@ void add_error_fields(Report& report, const ErrorReport& errors) {
   report.add("relative", errors.relative);
   report.add("max_error", errors.max_error);
   if (errors.ssim) report.add("ssim", *errors.ssim);
+  if (errors.log) {
+    report.add("log_rmse", errors.log->rmse);
+    report.add("log_snr", errors.log->snr, "dB");
+    report.add("log_scale", errors.log->scale);
+  }
 }
 
 void add_weighted_fields(Report& report, const WeightedErrorReport& errors) {

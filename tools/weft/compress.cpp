@@ -39,6 +39,7 @@ struct CompressOptions {
   double peak = 0;  // 0: by the data's type
   bool ssim = false;
   std::string weights;
+  bool log_error = false;
   SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
@@ -104,6 +105,7 @@ void run_compress(const CompressOptions& options) {
   if (!options.weights.empty()) request.weights_json = weights_json(options.weights, weights);
   request.peak = options.peak;
   request.ssim = options.ssim;
+  request.log_error = options.log_error;
   request.train = train;
   const Clock::time_point start = Clock::now();
   const CompressResult result = compress(device.get(), *source, request, job);
@@ -219,6 +221,10 @@ void add_compress(CLI::App& program, Action& action) {
                    "views=FILE,lights=FILE,texels=FILE, whose product is taken; what has weight "
                    "zero is not selected")
       ->type_name("WEIGHTS");
+  command->add_flag(
+      "--log-error", options->log_error,
+      "Measure the errors of ln(1 + |x| / s) too, s the mean magnitude: relative ones "
+      "of what is bright; always under --transform log and logluv");
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);

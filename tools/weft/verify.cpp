@@ -17,7 +17,9 @@
 #include "selection_options.hpp"
 #include "subcommand.hpp"
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/colour_source.hpp"
 #include "weft/codecs/measure.hpp"
+#include "weft/codecs/measure_log.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/device/tile_stream.hpp"
 #include "weft/error.hpp"
@@ -36,6 +38,7 @@ struct VerifyOptions {
   double tolerance = 1;
   std::string nan = "error";
   bool ssim = false;
+  bool log_error = false;
   DeviceOptions device;
   OutputOptions report;
 };
@@ -87,12 +90,14 @@ struct Difference {
   double squares = 0;
   std::size_t count = 0;
   ErrorSums reference_errors;
+  LogErrorSums reference_log_errors;
 
   double rms() const { return std::sqrt(squares / static_cast<double>(count)); }
 };
 
 Difference compare(Device& device, const Codec& codec, const Model& model, TileSource* raw,
-                   SimilarityRequest* similarity, WeightedErrors* weighted, Job& job) {
+                   SimilarityRequest* similarity, WeightedErrors* weighted,
+                   std::optional<double> log_scale, Job& job) {
   const BtfShape& shape = model.info.btf.shape;
   const std::size_t run = image_granule(shape);
   const std::size_t values = run * shape.image_values();
@@ -126,6 +131,10 @@ Difference compare(Device& device, const Codec& codec, const Model& model, TileS
           reference::error_sums(tile, std::span(by_reference).first(size)));
       if (similarity) add_similarities(shape, count, tile, by_reference, *similarity);
       if (weighted) add_weighted_errors(shape, first, count, tile, by_reference, *weighted);
+      if (log_scale) {
+        difference.reference_log_errors.merge(
+            reference::log_error_sums(tile, std::span(by_reference).first(size), *log_scale));
+      }
     }
     job.advance("device against reference", first + count, shape.images());
   }
@@ -145,6 +154,19 @@ std::vector<Cell> weighted_row(std::string_view name, const WeightedErrorReport&
           number_cell(errors.snr), number_cell(errors.relative)};
 }
 
+// The scale of log errors: as recorded, or by the data; none where they are not asked for.
+std::optional<double> log_scale_of(const VerifyOptions& options, const Model& model,
+                                   TileSource& raw, Job& job) {
+  if (model.info.errors && model.info.errors->log) return model.info.errors->log->scale;
+  if (!model.info.colour_transform.is_linear()) return model.info.colour_transform.scale;
+  if (options.log_error) return mean_magnitude(raw, job);
+  return std::nullopt;
+}
+
+std::vector<Cell> log_row(std::string_view name, const LogErrorReport& errors) {
+  return {text_cell(name), number_cell(errors.rmse), number_cell(errors.snr)};
+}
+
 void run_verify(const VerifyOptions& options) {
   if (!std::isfinite(options.tolerance)) {
     fail_input("--tolerance {}: not a number", options.tolerance);
@@ -155,6 +177,9 @@ void run_verify(const VerifyOptions& options) {
   const std::unique_ptr<Model> model = expand_modes(read_model(options.model), options.expand);
   const Codec& codec = find_codec(model->info.codec);
   std::shared_ptr<TileSource> raw;
+  if (options.log_error && options.against.empty()) {
+    fail_input("--log-error: errors against what? --against names the raw BTF");
+  }
   if (options.ssim) {
     if (options.against.empty()) fail_input("--ssim: similar to what? --against names the raw BTF");
     check_ssim(model->info.btf.shape.height, model->info.btf.shape.width, 1.0);
@@ -179,6 +204,7 @@ void run_verify(const VerifyOptions& options) {
 
   // the device's errors first: they give the peak
   ErrorReport device_errors;
+  std::optional<double> log_scale;
   SimilarityRequest similarity;
   const Weights none;
   WeightedErrors weighted{weights ? weights->weights : none, {}};
@@ -191,12 +217,18 @@ void run_verify(const VerifyOptions& options) {
     device_errors = weft::report(
         sums, model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), sums));
     if (options.ssim) device_errors.ssim = similarity.sums.mean();
+    log_scale = log_scale_of(options, *model, *raw, job);
+    if (log_scale) {
+      LogErrorRequest log{*log_scale, {}};
+      measure_log_errors(device.get(), *model, *raw, log, job);
+      device_errors.log = weft::report(log.sums, log.scale);
+    }
   }
   SimilarityRequest by_reference{similarity.peak, {}};
   const double unit = codec.decode_tolerance(*model);
   const Difference difference =
       compare(*device, codec, *model, raw.get(), options.ssim ? &by_reference : nullptr,
-              weights ? &weighted_reference : nullptr, job);
+              weights ? &weighted_reference : nullptr, log_scale, job);
   const bool agree = difference.largest <= options.tolerance * unit;
 
   Report report;
@@ -246,6 +278,16 @@ void run_verify(const VerifyOptions& options) {
                    std::move(weighted_rows));
     } else if (!model->info.weights.empty()) {
       job.notes.push_back("weighted errors are not measured: --weights gives no files");
+    }
+    if (log_scale) {
+      std::vector<std::vector<Cell>> log_rows{
+          log_row("device", *device_errors.log),
+          log_row("reference", weft::report(difference.reference_log_errors, *log_scale))};
+      if (model->info.errors && model->info.errors->log) {
+        log_rows.push_back(log_row("recorded in the model", *model->info.errors->log));
+      }
+      report.add("log_scale", *log_scale);
+      report.table("log_errors", {"decoded_by", "log_rmse", "log_snr"}, std::move(log_rows));
     }
     report.add("as_recorded", as_recorded);
   }
@@ -301,6 +343,10 @@ void add_verify(CLI::App& program, Action& action) {
       ->type_name("CHOICE");
   command->add_flag("--ssim", options->ssim,
                     "With --against: the structural similarity too, mean over images");
+  command->add_flag(
+      "--log-error", options->log_error,
+      "With --against: the errors of ln(1 + |x| / s) too, s the mean magnitude; always "
+      "of models with --transform log or logluv");
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(

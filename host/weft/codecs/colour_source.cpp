@@ -43,31 +43,28 @@ void fail_negative(const BtfShape& shape, std::size_t image, std::size_t at, dou
       at % shape.channels);
 }
 
-// Scale and largest magnitude, of values or of luminances.
+// The mean magnitude, and the largest of values or of luminances.
 void choose_scale(TileSource& source, ColourTransform& transform, Job& job) {
   const BtfShape& shape = source.info().shape;
-  const bool of_texels = transform.kind == Kind::logluv;
-  const std::size_t step = of_texels ? 3 : 1;
+  const bool of_colours = transform.kind == Kind::logluv;
   double sum = 0, largest = 0;
   std::size_t index = 0;
   for_each_image(source, job, [&](std::span<double> image) {
     double image_sum = 0;
-    for (std::size_t i = 0; i < image.size(); i += step) {
-      if (of_texels) {
-        for (std::size_t c = i; c < i + 3; ++c) {
-          if (image[c] < 0) fail_negative(shape, index, c, image[c]);
-        }
-      }
-      const double magnitude = of_texels ? luminance(image.subspan(i, 3)) : std::abs(image[i]);
-      image_sum += magnitude;
-      largest = std::max(largest, magnitude);
+    for (std::size_t i = 0; i < image.size(); ++i) {
+      if (of_colours && image[i] < 0) fail_negative(shape, index, i, image[i]);
+      image_sum += std::abs(image[i]);
+      if (!of_colours) largest = std::max(largest, std::abs(image[i]));
+    }
+    for (std::size_t i = 0; of_colours && i < image.size(); i += 3) {
+      largest = std::max(largest, luminance(image.subspan(i, 3)));
     }
     sum += image_sum;
     ++index;
   });
-  const double mean = sum / static_cast<double>(shape.values() / step);
+  const double mean = sum / static_cast<double>(shape.values());
   // what is representable, and inverts within float
-  transform.scale = largest > 0 ? std::max({mean, largest * 0x1p-100, 0x1p-126}) : 1.0;
+  transform.scale = sum > 0 ? std::max({mean, largest * 0x1p-100, 0x1p-126}) : 1.0;
   transform.largest = largest;
 }
 
@@ -139,6 +136,10 @@ ColourTransform choose_colour_transform(TileSource& source, const ColourRequest&
   if (transform.kind == Kind::decorrelated) choose_axes(source, transform, job);
   validate(transform, channels, "--transform");
   return transform;
+}
+
+double mean_magnitude(TileSource& source, Job& job) {
+  return choose_colour_transform(source, {Kind::log, {}}, job).scale;
 }
 
 TransformedSource::TransformedSource(TileSource& source, ColourTransform transform, bool nan_zero)

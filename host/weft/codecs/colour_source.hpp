@@ -21,7 +21,7 @@ struct ColourRequest {
 // The transform with what it takes of the data, in one pass over it where it takes any:
 //
 //   log           s the mean magnitude, and the largest
-//   logluv        s the mean luminance, and the largest
+//   logluv        s the mean magnitude, and the largest luminance
 //   decorrelated  Q of the channels' covariance in double, by descending variance; each axis points
 //                 to where its largest component is positive
 //
@@ -29,6 +29,9 @@ struct ColourRequest {
 // where the channels don't fit, for NaN or infinite values (naming the first) unless job.nan_zero,
 // and for negative values under logluv (naming the first).
 ColourTransform choose_colour_transform(TileSource& source, const ColourRequest& request, Job& job);
+
+// The s of log alone: what log errors are taken with. 1 where all is 0.
+double mean_magnitude(TileSource& source, Job& job);
 
 // `source` transformed: F32, image by image as it is read. It must outlive it.
 class TransformedSource final : public TileSource {

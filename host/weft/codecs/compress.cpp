@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "weft/codecs/measure.hpp"
+#include "weft/codecs/measure_log.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/weighted_fit.hpp"
 #include "weft/error.hpp"
@@ -101,6 +102,12 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
   if (!request.train) info.btf.dtype = source.info().dtype;  // a transformed source is F32
 
   measure(device, source, request, result, job);
+  if (request.log_error || !transform.is_linear()) {
+    LogErrorRequest log;
+    log.scale = transform.is_linear() ? mean_magnitude(source, job) : transform.scale;
+    measure_log_errors(device, *result.model, source, log, job);
+    result.errors.log = report(log.sums, log.scale);
+  }
   if (!request.train) info.errors = result.errors;
   return result;
 }

@@ -23,6 +23,7 @@ struct CompressRequest {
   std::string weights_json;      // what they are, as the model records it; empty: none were given
   double peak = 0;               // of the PSNR; 0: by the data's type
   bool ssim = false;
+  bool log_error = false;  // on a logarithmic scale too; always where a logarithm is fitted
   // A tensor train that is cut further instead of fitting one: the source is what it decodes to.
   std::shared_ptr<const TtModel> train;
 };

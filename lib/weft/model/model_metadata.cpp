@@ -69,6 +69,9 @@ ErrorReport read_errors(std::string_view text, std::size_t count, const std::str
     report.log =
         LogErrorReport{read_figure(*log, "scale", log_where), read_figure(*log, "rmse", log_where),
                        read_figure(*log, "snr", log_where)};
+    if (!(report.log->scale > 0 && std::isfinite(report.log->scale))) {
+      fail_input("{}: scale {}", log_where, report.log->scale);
+    }
   }
   if (const auto weighted = object.find("weighted"); weighted != object.end()) {
     const std::string part = where + ": \"weighted\"";

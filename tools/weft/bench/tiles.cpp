@@ -6,6 +6,8 @@
 #include <memory>
 
 #include "bench/benchmark.hpp"
+#include "weft/ops/invert_colour.hpp"
+#include "weft/ops/log_error_sums.hpp"
 #include "weft/ops/tile.hpp"
 
 namespace weft {
@@ -46,6 +48,24 @@ void transcode(Device& device, const ops::TileShape& tile, TileData& data, Encod
                       data.raw);
 }
 
+// In place on decoded texels of three channels.
+Benchmark inverse_colour(ColourTransform::Kind kind) {
+  ColourTransform transform;
+  transform.kind = kind;
+  if (!transform.is_linear()) transform.largest = 1;
+  const ops::TileShape tile{64, 16384, 3, DType::f32, false};
+  const auto values = static_cast<double>(tile.values());
+  Benchmark benchmark{fmt::format("invert_colour {}", name_of(kind)),
+                      fmt::format("{} x {} x {}", tile.images, tile.texels, tile.channels), 0,
+                      2 * sizeof(float) * values};
+  benchmark.prepare = [=](Device& device) -> Run {
+    const auto data = std::make_shared<TileData>(device, tile);
+    const auto inverse = std::make_shared<ops::InverseColour>(device, transform, tile.channels);
+    return [=, &device] { inverse->invert(device, tile.images * tile.texels, data->decoded); };
+  };
+  return benchmark;
+}
+
 }  // namespace
 
 std::vector<Benchmark> tile_benchmarks() {
@@ -80,6 +100,15 @@ std::vector<Benchmark> tile_benchmarks() {
                                    transcode(device, shape, data, Encoding::srgb);
                                  }));
   }
+  for (const auto kind :
+       {ColourTransform::Kind::ycrcb, ColourTransform::Kind::log, ColourTransform::Kind::logluv}) {
+    benchmarks.push_back(inverse_colour(kind));
+  }
+  const Tile floats{64, 16384, 3, DType::f32, false};
+  benchmarks.push_back(on_tile("log_error_sums", floats, 0, 8,
+                               [](Device& device, const Tile& shape, TileData& data) {
+                                 ops::log_error_sums(device, shape, data.raw, data.decoded, 1.0);
+                               }));
   return benchmarks;
 }
 
