@@ -135,11 +135,17 @@ ColourTransform choose_colour_transform(TileSource& source, const ColourRequest&
   if (!transform.is_linear()) choose_scale(source, transform, job);
   if (transform.kind == Kind::decorrelated) choose_axes(source, transform, job);
   validate(transform, channels, "--transform");
+  if (!transform.is_identity()) {
+    job.held.push_back({"colour transform", TransformedSource::bytes(source.info().shape)});
+  }
   return transform;
 }
 
 double mean_magnitude(TileSource& source, Job& job) {
-  return choose_colour_transform(source, {Kind::log, {}}, job).scale;
+  ColourTransform log;
+  log.kind = Kind::log;
+  choose_scale(source, log, job);
+  return log.scale;
 }
 
 TransformedSource::TransformedSource(TileSource& source, ColourTransform transform, bool nan_zero)
@@ -147,21 +153,21 @@ TransformedSource::TransformedSource(TileSource& source, ColourTransform transfo
       transform_(std::move(transform)),
       nan_zero_(nan_zero),
       info_(source.info()),
-      image_(source.info().shape.image_values()) {
+      image_(source.info().shape.image_values()),
+      values_(image_.size()) {
   info_.dtype = DType::f32;
 }
 
 void TransformedSource::read(std::size_t first, std::size_t count, std::span<std::byte> out) {
   const std::size_t channels = info_.shape.channels;
-  std::vector<float> values(image_.size());
   for (std::size_t i = 0; i < count; ++i) {
     reference::read_tile(source_, first + i, 1, nan_zero_, image_);
     for (std::size_t p = 0; p < image_.size(); p += channels) {
       transform_.apply(std::span(image_).subspan(p, channels));
     }
-    std::transform(image_.begin(), image_.end(), values.begin(),
+    std::transform(image_.begin(), image_.end(), values_.begin(),
                    [](double value) { return static_cast<float>(value); });
-    std::memcpy(out.data() + i * info_.image_bytes(), values.data(), info_.image_bytes());
+    std::memcpy(out.data() + i * info_.image_bytes(), values_.data(), info_.image_bytes());
   }
 }
 

@@ -27,7 +27,8 @@ struct ColourRequest {
 //
 // Images are added up one by one: the bits depend on nothing but the data. Throws input errors
 // where the channels don't fit, for NaN or infinite values (naming the first) unless job.nan_zero,
-// and for negative values under logluv (naming the first).
+// and for negative values under logluv (naming the first). What a TransformedSource will hold is
+// added to job.held.
 ColourTransform choose_colour_transform(TileSource& source, const ColourRequest& request, Job& job);
 
 // The s of log alone: what log errors are taken with. 1 where all is 0.
@@ -42,7 +43,9 @@ class TransformedSource final : public TileSource {
   void read(std::size_t first, std::size_t count, std::span<std::byte> out) override;
   void prefetch(std::size_t first, std::size_t count) override;
   // Bytes of host memory that it holds.
-  std::size_t bytes() const { return image_.size() * sizeof(double); }
+  static std::size_t bytes(const BtfShape& shape) {
+    return shape.image_values() * (sizeof(double) + sizeof(float));
+  }
 
  private:
   TileSource& source_;
@@ -50,6 +53,7 @@ class TransformedSource final : public TileSource {
   bool nan_zero_;
   BtfInfo info_;
   std::vector<double> image_;
+  std::vector<float> values_;
 };
 
 }  // namespace weft
