@@ -61,6 +61,34 @@ TEST(BatchOmp, SignalsOfEveryMagnitude) {
   }
 }
 
+// Subnormal signals, whose correlations have few digits where they are not scaled first, and
+// signals whose correlations no float holds.
+TEST(BatchOmp, SignalsAtTheEndsOfFloats) {
+  const std::size_t k = 3;
+  for (const auto& [atoms, signals] :
+       std::vector<std::pair<float, float>>{{1e-12f, 1e-43f}, {1e20f, 3e38f}}) {
+    Problem problem = random_problem(30, 24, 6, 35);
+    for (float& value : problem.D) value *= atoms;
+    for (float& value : problem.Y) value *= signals;
+    const reference::SparseCodes expected = reference::batch_omp(
+        problem.atoms, problem.dimension, widened(problem.D), widened(problem.Y), {k, 0});
+    for (const OmpOptions& options : every_way({k, 0})) {
+      SCOPED_TRACE(text_of(options));
+      const Codes codes = code(problem, options);
+      EXPECT_EQ(codes.indices, expected.indices);
+      for (std::size_t s = 0; s < problem.signals(); ++s) {
+        double sum = 0;
+        for (std::size_t j = 0; j < k; ++j) sum += std::abs(expected.coefficients[s * k + j]);
+        for (std::size_t j = 0; j < k; ++j) {
+          // three of random atoms are far from dependent
+          EXPECT_NEAR(codes.coefficients[s * k + j], expected.coefficients[s * k + j],
+                      4 * gamma(terms_of(problem, k), float_roundoff) * sum);
+        }
+      }
+    }
+  }
+}
+
 TEST(BatchOmp, DictionariesOfEveryMagnitude) {
   for (const auto& [atoms, signals] : std::vector<std::pair<float, float>>{
            {1e-30f, 1e-30f}, {1e30f, 1e30f}, {1e30f, 1e-5f}, {1e-30f, 1e5f}}) {
@@ -225,6 +253,33 @@ TEST(BatchOmp, EndsFarBelowTheSignal) {
   Problem problem = random_problem(64, 12, 60, 23);
   for (const double residual : {1e-1, 2e-3, 1e-3, 1e-4, 1e-5}) {
     expect_every_way(problem, {12, residual});
+  }
+}
+
+// A residual to be reached that rounding of |y|^2 hides: whether one atom does is told right.
+TEST(BatchOmp, EndsAtResidualsBelowTheRoundingOfSquares) {
+  const std::size_t dimension = 8;
+  const double target = 1.2e-3;
+  const std::vector<double> basis = random_orthonormal(dimension, dimension, 37);
+  Problem problem{3, dimension, {}, {}};
+  for (std::size_t i = 0; i < 3 * dimension; ++i) {
+    problem.D.push_back(static_cast<float>(basis[i]));
+  }
+  Random random(38);
+  std::vector<std::uint32_t> counts;
+  for (int s = 0; s < 100; ++s) {
+    // 0.5 to 2 per cent above or below, where rounding of |y|^2 makes 4
+    const bool above = s % 2 == 0;
+    const double size = random.uniform(1.0, 1.15);
+    const double rest = target * (1 + (above ? 1 : -1) * random.uniform(0.005, 0.02));
+    for (std::size_t i = 0; i < dimension; ++i) {
+      problem.Y.push_back(static_cast<float>(size * basis[i] + rest * basis[dimension + i]));
+    }
+    counts.push_back(above ? 2 : 1);
+  }
+  for (const OmpOptions& options : every_way({2, target})) {
+    SCOPED_TRACE(text_of(options));
+    EXPECT_EQ(code(problem, options).counts, counts);
   }
 }
 
