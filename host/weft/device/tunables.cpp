@@ -4,9 +4,9 @@ namespace weft {
 namespace {
 
 constexpr const TunableKernel* all_kernels[] = {
-    &tunables::convert_tile, &tunables::decode_lpca,    &tunables::decode_pca,
-    &tunables::error_sums,   &tunables::gemm,           &tunables::gemm_tiled,
-    &tunables::scan_tile,    &tunables::transcode_tile,
+    &tunables::batch_omp,  &tunables::convert_tile, &tunables::decode_lpca,
+    &tunables::decode_pca, &tunables::error_sums,   &tunables::gemm,
+    &tunables::gemm_tiled, &tunables::scan_tile,    &tunables::transcode_tile,
 };
 
 }  // namespace

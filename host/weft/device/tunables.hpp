@@ -71,6 +71,7 @@ const TunableKernel* find_tunable(std::string_view name);
 
 // Each is defined by its launcher.
 namespace tunables {
+extern const TunableKernel batch_omp;
 extern const TunableKernel convert_tile;
 extern const TunableKernel decode_lpca;
 extern const TunableKernel decode_pca;

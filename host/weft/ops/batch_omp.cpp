@@ -12,6 +12,19 @@
 #include "weft/ops/gemm.hpp"
 #include "weft/ops/launch.hpp"
 
+namespace weft {
+
+namespace {
+constexpr Tunable batch_omp_macros[] = {
+    {"SIDE", 3, {1, 2, 3, 4, 6}, "signals that a work-item codes at the same time, at most"},
+    {"SIDE_KIB", 40, {16, 24, 32, 40, 48, 64, 96, 192}, "KiB that they work in, at most"},
+    {"BLOCK", 8, {4, 8, 16}, "vectors that a work-item holds in registers, at most"},
+};
+}  // namespace
+constinit const TunableKernel tunables::batch_omp{"batch_omp", batch_omp_macros};
+
+}  // namespace weft
+
 namespace weft::ops {
 namespace {
 
@@ -21,10 +34,6 @@ constexpr std::size_t chunk_bytes = std::size_t{4} << 20;  // of correlations: t
 constexpr std::size_t scratch_bytes = std::size_t{64} << 20;  // of all groups
 constexpr std::size_t batch_bytes = std::size_t{16} << 20;
 constexpr std::size_t block_signals = std::size_t{1} << 16;
-// signals of a work-item at the same time, and what they work in: most of a first cache
-constexpr std::size_t most_side = 3;
-constexpr std::size_t side_bytes = std::size_t{40} << 10;
-constexpr std::size_t most_vectors = 8;            // of a work-item in registers
 constexpr std::uint32_t coded_again = 0xFFFFFFFF;  // the counts RECODE and ENDED of the kernel
 
 // signals that a work-item measures
@@ -68,7 +77,7 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
                     ? std::bit_floor(std::clamp<std::size_t>(device.limits().max_work_group, 1, 64))
                     : 1;
   constexpr std::size_t few = 4;
-  sizes.vectors = sizes.tiles ? 1 : most_vectors;
+  sizes.vectors = sizes.tiles ? 1 : device.parameter(tunables::batch_omp, "BLOCK");
   sizes.A = round_up(atoms, sizes.vector_width * (sizes.tiles ? 1 : few));
   // as many in registers as need no more padding
   while (sizes.A % (sizes.vector_width * sizes.vectors) != 0) sizes.vectors /= 2;
@@ -87,8 +96,10 @@ BatchOmp::Sizes BatchOmp::sizes_of(const Device& device, std::size_t atoms, std:
   sizes.chunk = std::clamp<std::size_t>(std::bit_floor(chunk_bytes / row_bytes), 64, 4096);
   sizes.group_floats = (sizes.steps + 1) * sizes.A + (sizes.steps + 3) * sizes.l_row;
   if (!sizes.tiles) {
-    sizes.side =
-        std::clamp<std::size_t>(side_bytes / (sizes.group_floats * sizeof(float)), 1, most_side);
+    // what fits a first cache
+    const std::size_t bytes = device.parameter(tunables::batch_omp, "SIDE_KIB") << 10;
+    sizes.side = std::clamp<std::size_t>(bytes / (sizes.group_floats * sizeof(float)), 1,
+                                         device.parameter(tunables::batch_omp, "SIDE"));
   }
   sizes.groups = std::clamp<std::size_t>(scratch_bytes / (sizes.group_floats * sizeof(float)), 8,
                                          sizes.tiles ? 1024 : 64);

@@ -12,7 +12,7 @@ namespace weft {
 
 std::vector<Trial> all_trials() {
   std::vector<Trial> all;
-  for (const auto family : {product_trials, tile_trials, decoder_trials}) {
+  for (const auto family : {product_trials, tile_trials, decoder_trials, pursuit_trials}) {
     std::ranges::move(family(), std::back_inserter(all));
   }
   std::ranges::sort(all, {},

@@ -28,6 +28,7 @@ struct Trial {
 std::vector<Trial> product_trials();
 std::vector<Trial> tile_trials();
 std::vector<Trial> decoder_trials();
+std::vector<Trial> pursuit_trials();
 // All of them, by kernel.
 std::vector<Trial> all_trials();
 
