@@ -11,7 +11,7 @@ inline PcaModel small_pca(Storage storage, std::size_t rank = 2, double magnitud
   PcaModel model;
   model.info.codec = "pca";
   model.info.parameters = R"({"rank":2,"svd":"randomized"})";
-  model.info.selection = R"({"views":[0,4]})";
+  model.info.selection = R"({"level":1})";
   model.info.storage = storage;
   model.info.btf = make_info(shape, DType::f16);
   model.info.btf.encoding = Encoding::gamma22;

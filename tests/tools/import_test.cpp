@@ -185,7 +185,7 @@ TEST(Import, BadRequestsAreRefusedAndLeaveNothing) {
   expect_refused({ubo, "-o", out, "--views", "3"}, "--views: '3' is out of range");
   expect_refused({ubo, "-o", out, "--encoding", "log"}, "--encoding: \"log\"");
   expect_refused({ubo, "-o", out, "--dtype", "f64"}, "--dtype: 'f64'");
-  expect_refused({ubo, "-o", out, "--level", "9"}, "mip level 9");
+  expect_refused({ubo, "-o", out, "--level", "9"}, "--level 9");
   files[3].second = smooth_png({8, 7, 3, DType::u8}, 1);
   files.erase(files.begin() + 2);
   write_folder(folder / "short", files);

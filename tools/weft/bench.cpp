@@ -26,6 +26,7 @@ struct BenchOptions {
   ModelBenchOptions model;
   std::size_t repeat = 7;
   bool list = false;
+  SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
 };
@@ -86,6 +87,7 @@ void run_model(const BenchOptions& options) {
   report.add("device", device->limits().name);
   ModelBenchOptions model = options.model;
   model.filter = options.codec.filter;
+  model.selection = options.selection;
   bench_model(*device, model, report);
   add_device_fields(report, device);
   report.print(options.report);
@@ -163,6 +165,7 @@ void add_bench(CLI::App& program, Action& action) {
       ->check(CLI::Range(1, 1000))
       ->type_name("COUNT");
   command->add_flag("--list", options->list, "Only list the operations");
+  add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(
@@ -172,16 +175,19 @@ void add_bench(CLI::App& program, Action& action) {
       "time that an operation's flops and bytes would take at the peaks over the time it took; "
       "tiles\n"
       "that stay in a cache can exceed 1. A codec's bound adds its flops at the speed of a\n"
-      "2048 x 2048 x 2048 product and its bytes at the copy's.\n"
+      "2048 x 2048 x 2048 product and its bytes at the copy's. Selections are of --model or "
+      "--input.\n"
       "\n"
       "Examples:\n"
       "  weft bench\n"
       "  weft bench --list\n"
       "  weft bench --filter gemm --json\n"
       "  weft bench --model cloth.weft\n"
+      "  weft bench --model cloth.weft --views 'theta<=45' --region center:32x32\n"
       "  weft bench --filter 'codec pca' --input cloth.safetensors --rank 64");
   command->callback([options, &action] {
     options->codec.memory = options->device.memory;
+    options->codec.selection = options->selection;
     action = [options] { run_bench(*options); };
   });
 }

@@ -71,7 +71,7 @@ void run_compress(const CompressOptions& options) {
     input = open_raw_btf(options.input);
   }
   const auto train = std::dynamic_pointer_cast<const TtModel>(given);
-  Selection selection = make_selection(options.selection, input->info());
+  RecordedSelection selection = make_selection(options.selection, input->info());
   if (given && (!train || !selection.selects_all())) {
     fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
                options.input, given->info.codec);
@@ -82,7 +82,7 @@ void run_compress(const CompressOptions& options) {
       fail_input("--weights {}: a train that is cut further keeps to its own errors",
                  options.weights);
     const Weights whole = read_weights(options.weights, input->info());
-    selection = without_zeros(whole, input->info(), selection);
+    selection = {without_zeros(whole, input->info(), selection), input->info().shape};
     weights = select(whole, input->info(), selection);
     check_weights(codec, options.parameters, select(input->info(), selection).shape, weights);
   }
@@ -128,7 +128,8 @@ void run_compress(const CompressOptions& options) {
   report.add("parameters", json_cell(model->info.parameters));
   report.add("storage", model->info.storage == Storage::f16 ? "f16" : "f32");
   add_transform_field(report, model->info.colour_transform);
-  report.add("selection", json_cell(model->info.selection));
+  report.add("selection",
+             selection_cell(recorded_from_json(model->info.selection, options.output)));
   if (!model->info.weights.empty()) report.add("weights", json_cell(model->info.weights));
   add_btf_fields(report, model->info.btf);
   report.add("raw_size", bytes_cell(source->info().bytes()));
@@ -240,6 +241,7 @@ void add_compress(CLI::App& program, Action& action) {
       "  weft compress cloth.safetensors --weights cos,texels=roi.npy -o cloth.weft\n"
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
       "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"
+      "  weft compress cloth.safetensors --views 'theta<=60' --lights 'theta<=60' -o upper.weft\n"
       "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"
       "  weft compress train.weft --codec tt --target rel=0.2 -o shorter.weft\n"
       "  weft compress knit.npy --device reference --json -o knit.weft");

@@ -101,8 +101,8 @@ void run_decompress(const DecompressOptions& options) {
   const Clock::time_point start = Clock::now();
   std::shared_ptr<const Model> model = expand_modes(read_model(options.model), options.expand);
   const Codec& codec = find_codec(model->info.codec);
-  const Selection selection = make_selection(options.selection, model->info.btf);
-  Selection part = selection;
+  const ModelSelection selection = make_selection(options.selection, model->info, options.model);
+  Selection part = selection.part;
   part.level = 0;
   if (!part.selects_all()) model = codec.select(*model, part);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
@@ -113,10 +113,11 @@ void run_decompress(const DecompressOptions& options) {
 
   // Levels above 0 and the reference's decoding go image by image.
   Selection level;
-  level.level = selection.level;
-  const BtfInfo info = select(model->info.btf, level);
+  level.level = selection.part.level;
+  BtfInfo info = select(model->info.btf, level);
+  info.source = selected_source(info.source, selection.whole);
   std::shared_ptr<TileSource> images;
-  if (selection.level != 0 || !device) {
+  if (level.level != 0 || !device) {
     BtfInfo as_floats = info;
     as_floats.dtype = DType::f32;
     MemoryPlan plan;
@@ -144,7 +145,7 @@ void run_decompress(const DecompressOptions& options) {
   report.add("model", options.model);
   report.add("codec", codec.name());
   report.add("output", options.output);
-  report.add("selection", json_cell(to_json(selection)));
+  report.add("selection", selection_cell(selection.whole));
   add_btf_fields(report, output.sink->info());
   report.add("device", device_name(device));
   const auto count = static_cast<double>(info.shape.images());
@@ -205,7 +206,10 @@ void add_decompress(CLI::App& program, Action& action) {
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(
-      "Only what is selected is decoded. Values that the output's type can't hold are clamped: to\n"
+      "Only what is selected is decoded; views, lights, channels, texels and levels count in the "
+      "BTF\n"
+      "that the model was made of, also where it holds only a part of it. Values that the output's "
+      "type can't hold are clamped: to\n"
       "[0, 1] for 8 bits, to +-65504 for half.\n"
       "\n"
       "Examples:\n"

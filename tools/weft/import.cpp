@@ -86,10 +86,11 @@ void run_import(const ImportOptions& options) {
   std::optional<Quantity> quantity;
   if (!options.quantity.empty()) quantity = quantity_from_name(options.quantity, "--quantity");
   const std::shared_ptr<TileSource> labelled = relabelled(capture.source, encoding, quantity);
-  const Selection selection = make_selection(options.selection, labelled->info());
+  const RecordedSelection selection = make_selection(options.selection, labelled->info());
   std::shared_ptr<TileSource> source = select(labelled, selection);
   if (dtype) source = converted(source, *dtype);
-  const BtfInfo& info = source->info();
+  BtfInfo info = source->info();
+  info.source = selected_source(info.source, selection);
   // Copy.
   const std::unique_ptr<TileSink> sink = output_kind_found == OutputKind::npy
                                              ? create_npy_btf(options.output, info)
@@ -103,7 +104,7 @@ void run_import(const ImportOptions& options) {
   Report report;
   report.add("input", options.input).add("kind", capture.kind).add("output", options.output);
   add_btf_fields(report, info);
-  report.add("selection", json_cell(to_json(selection)));
+  report.add("selection", selection_cell(selection));
   report.add("raw_size", bytes_cell(info.bytes()));
   report.add("ignored_images", capture.ignored.size());
   if (!capture.ignored.empty()) {
@@ -185,7 +186,9 @@ void add_import(CLI::App& program, Action& action) {
       "  weft import UBO_CORDUROY256.zip -o corduroy.safetensors --level 1\n"
       "  weft import photometric/cat --lights-file photometric/lights.txt -o cat.safetensors\n"
       "  weft import cards_flash -o cards.safetensors --region 256,256,256x256\n"
-      "  weft import knit.npy -o knit.safetensors --views 0,4-8 --dtype f16");
+      "  weft import knit.npy -o knit.safetensors --views 0,4-8 --dtype f16\n"
+      "  weft import cloth.safetensors -o part.safetensors --views 'theta<=60' --region "
+      "center:64x64");
   command->callback([options, &action] { action = [options] { run_import(*options); }; });
 }
 

@@ -11,6 +11,7 @@
 #include "btf_report.hpp"
 #include "common.hpp"
 #include "report.hpp"
+#include "selection_options.hpp"
 #include "subcommand.hpp"
 #include "transform_options.hpp"
 #include "weft/btf/tile.hpp"
@@ -53,7 +54,7 @@ void describe_model(Report& report, const std::filesystem::path& path) {
   report.add("codec", info.codec);
   report.add("parameters", json_cell(info.parameters));
   report.add("storage", info.storage == Storage::f16 ? "f16" : "f32");
-  report.add("selection", json_cell(info.selection));
+  report.add("selection", selection_cell(recorded_from_json(info.selection, path.string())));
   add_transform_field(report, info.colour_transform);
   if (!info.weights.empty()) report.add("weights", json_cell(info.weights));
   add_btf_fields(report, info.btf);

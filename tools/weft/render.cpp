@@ -46,13 +46,15 @@ struct Material {
   std::shared_ptr<const Model> model;
 };
 
-Material open_material(const fs::path& path) {
+Material open_material(const std::string& file, const SelectionOptions& selection) {
   Material material;
-  if (ModelFile::looks_like(path)) {
-    material.model = read_model(path);
+  if (ModelFile::looks_like(file)) {
+    const std::shared_ptr<const Model> model = read_model(file);
+    material.model = selected_model(model, make_selection(selection, model->info, file).part, file);
     validate_material(material.model->info.btf);
   } else {
-    material.raw = open_raw_btf(path);
+    const std::shared_ptr<TileSource> raw = open_raw_btf(file);
+    material.raw = select(raw, make_selection(selection, raw->info()));
     validate_material(material.raw->info());
   }
   return material;
@@ -186,9 +188,9 @@ void run_render(const RenderOptions& options) {
   const RenderRequest request = make_render_request(options);
   const Scene& scene = request.scene;
   if (!options.compare.empty()) check_ssim(scene.camera.height, scene.camera.width, 1.0);
-  const Material input = open_material(options.input);
+  const Material input = open_material(options.input, options.selection);
   Material compared;
-  if (!options.compare.empty()) compared = open_material(options.compare);
+  if (!options.compare.empty()) compared = open_material(options.compare, {});
   std::optional<AtomicFolder> folder;
   if (frames > 0) folder.emplace(options.output, false);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
@@ -261,6 +263,7 @@ void add_render(CLI::App& program, Action& action) {
   CLI::App* command = program.add_subcommand(
       "render", "Render a material on a plane, a sphere, a draped cloth or a mesh");
   add_render_options(*command, *options);
+  add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(
@@ -269,13 +272,18 @@ void add_render(CLI::App& program, Action& action) {
       "plane\n"
       "perpendicular to the light: a white matt surface facing a light of irradiance pi is shown "
       "as\n"
-      "white at exposure 0. Pictures appear whole or not at all.\n"
+      "white at exposure 0. Pictures appear whole or not at all. The options of the selection "
+      "choose\n"
+      "what of the material is used: directions between those that are left are interpolated, "
+      "those\n"
+      "beyond take the nearest; --compare is taken whole.\n"
       "\n"
       "Examples:\n"
       "  weft render cloth.weft -o ball.png\n"
       "  weft render cloth.weft --shape drape --environment venice.hdr --show-environment -o "
       "d.png\n"
       "  weft render cloth.weft --compare cloth.safetensors --light 45,-135 -o ball.png\n"
+      "  weft render cloth.safetensors --views 'theta<=60' --compare cloth.safetensors -o rim.png\n"
       "  weft render cloth.safetensors --shape plane --light 60,0,3 --light 30,180,0,0,1 -o p.exr\n"
       "  weft render cloth.weft --shape chair.obj --repeat 8 --turntable 120 -o frames/");
   command->callback([options, &action] { action = [options] { run_render(*options); }; });

@@ -1,9 +1,9 @@
 // weft sheet: a contact sheet of a raw BTF or a model, alone or beside a reconstruction.
 #include <CLI/CLI.hpp>
-#include <cstring>
 #include <filesystem>
 #include <memory>
-#include <span>
+#include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +14,7 @@
 #include "weft/btf/selection.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/decoded_source.hpp"
 #include "weft/error.hpp"
 #include "weft/io/contact_sheet.hpp"
 #include "weft/io/raw_btf.hpp"
@@ -27,55 +28,67 @@ struct SheetOptions {
   std::string decoded;
   std::string output;
   std::size_t columns = 8;
-  std::string views, lights;
+  SelectionOptions selection;
   ContactSheetOptions sheet;
   OutputOptions report;
 };
 
-// Images of a model, decoded one by one by the reference: a sheet needs few.
-class ModelSource final : public TileSource {
- public:
-  explicit ModelSource(const std::filesystem::path& path)
-      : model_(read_model(path)),
-        decoder_(find_codec(model_->info.codec).reference_decoder(*model_)),
-        info_(model_->info.btf) {
-    info_.dtype = DType::f32;
-  }
-
-  const BtfInfo& info() const override { return info_; }
-
-  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
-    std::vector<double> values(count * info_.shape.image_values());
-    decoder_->decode(first, count, values);
-    const std::vector<float> stored(values.begin(), values.end());
-    std::memcpy(out.data(), stored.data(), out.size());
-  }
-
- private:
-  std::unique_ptr<Model> model_;
-  std::unique_ptr<ReferenceDecoder> decoder_;
-  BtfInfo info_;
+// A raw BTF or a model.
+struct Input {
+  std::string file;
+  std::shared_ptr<TileSource> raw;
+  std::shared_ptr<const Model> model;
 };
 
-std::shared_ptr<TileSource> open_raw_or_model(const std::filesystem::path& path) {
-  if (ModelFile::looks_like(path)) return std::make_shared<ModelSource>(path);
-  return open_raw_btf(path);
+Input open_input(const std::string& file) {
+  if (ModelFile::looks_like(file)) return {file, nullptr, read_model(file)};
+  return {file, open_raw_btf(file), nullptr};
 }
 
-// The images of --views and --lights, or some spread over all.
-std::vector<std::size_t> chosen_images(const SheetOptions& options, const BtfInfo& info) {
-  if (options.views.empty() && options.lights.empty()) {
-    return spread_images(info.shape, options.columns);
+// Images of a model, decoded one by one by the reference: a sheet needs few.
+std::shared_ptr<TileSource> decoded_part(const Input& input, const Selection& part) {
+  return select(decoded_source(nullptr, input.model), part);
+}
+
+struct Pair {
+  std::shared_ptr<TileSource> original;
+  std::shared_ptr<TileSource> decoded;  // or null
+};
+
+// The selected part of both. Where one is a model of a part of a BTF, it is a part of that part.
+Pair selected_pair(const SelectionOptions& options, const Input& original, const Input* decoded) {
+  if (original.raw && decoded && decoded->model) {
+    const ModelSelection selection = make_selection(options, decoded->model->info, decoded->file);
+    const std::shared_ptr<TileSource> part = decoded_part(*decoded, selection.part);
+    return {
+        part_of_original(original.raw, original.file, selection.whole, part->info().shape, false),
+        part};
   }
-  const auto indices = [](const std::string& text, std::size_t limit, const char* option) {
-    return parse_indices(text.empty() ? "all" : text, limit, option);
-  };
-  std::vector<std::size_t> images;
-  for (const std::size_t view : indices(options.views, info.shape.views, "--views")) {
-    for (const std::size_t light : indices(options.lights, info.shape.lights, "--lights")) {
-      images.push_back(view * info.shape.lights + light);
-    }
+  Pair pair;
+  Selection part;
+  if (original.raw) {
+    part = make_selection(options, original.raw->info());
+    pair.original = select(original.raw, part);
+  } else {
+    part = make_selection(options, original.model->info, original.file).part;
+    pair.original = decoded_part(original, part);
   }
+  if (!decoded) return pair;
+  pair.decoded =
+      decoded->raw
+          ? select(decoded->raw, part)
+          : decoded_part(*decoded,
+                         make_selection(options, decoded->model->info, decoded->file).part);
+  return pair;
+}
+
+// All selected images where views or lights were, else some spread over all.
+std::vector<std::size_t> chosen_images(const SheetOptions& options, const BtfShape& shape) {
+  if (options.selection.views.empty() && options.selection.lights.empty()) {
+    return spread_images(shape, options.columns);
+  }
+  std::vector<std::size_t> images(shape.images());
+  std::iota(images.begin(), images.end(), std::size_t{0});
   return images;
 }
 
@@ -83,12 +96,14 @@ void run_sheet(const SheetOptions& options) {
   if (std::filesystem::path(options.output).extension() != ".png") {
     fail_input("{}: a contact sheet is a PNG; let its name end in .png", options.output);
   }
-  const std::shared_ptr<TileSource> original = open_raw_or_model(options.original);
-  const std::shared_ptr<TileSource> decoded =
-      options.decoded.empty() ? nullptr : open_raw_or_model(options.decoded);
+  const Input original = open_input(options.original);
+  std::optional<Input> decoded;
+  if (!options.decoded.empty()) decoded = open_input(options.decoded);
+  const Pair pair = selected_pair(options.selection, original, decoded ? &*decoded : nullptr);
   ContactSheetOptions sheet = options.sheet;
-  sheet.images = chosen_images(options, original->info());
-  const ContactSheet done = write_contact_sheet(options.output, *original, decoded.get(), sheet);
+  sheet.images = chosen_images(options, pair.original->info().shape);
+  const ContactSheet done =
+      write_contact_sheet(options.output, *pair.original, pair.decoded.get(), sheet);
 
   Report report;
   report.add("contact_sheet", options.output);
@@ -110,7 +125,8 @@ void add_sheet(CLI::App& program, Action& action) {
       ->default_str("");
   command
       ->add_option("DECODED", options->decoded,
-                   "Its reconstruction: a model, or a raw BTF of the same shape")
+                   "Its reconstruction: a model of it or of a part of it, or a raw BTF of the same "
+                   "shape")
       ->type_name("")
       ->default_str("");
   command->add_option("-o,--output", options->output, "The PNG to write")
@@ -126,12 +142,6 @@ void add_sheet(CLI::App& program, Action& action) {
                    "Images side by side before a new row begins; 0 for all in one row")
       ->type_name("N")
       ->check(CLI::Range(0, 256));
-  command->add_option("--views", options->views, "Images of these views instead: 0,3,8-11, or all")
-      ->type_name("LIST")
-      ->default_str("");
-  command->add_option("--lights", options->lights, "... under these lights")
-      ->type_name("LIST")
-      ->default_str("");
   command
       ->add_option("--difference", options->sheet.difference_scale,
                    "Factor on the difference of the displayed values")
@@ -142,9 +152,13 @@ void add_sheet(CLI::App& program, Action& action) {
           "Factor on linear light; 0 chooses it: 1 for 8-bit data, else the 99th percentile "
           "becomes white")
       ->type_name("X");
+  add_selection_options(*command, options->selection);
   add_output_options(*command, options->report);
   command->footer(
-      "Rows: the original; with DECODED also the reconstruction, and their difference.\n"
+      "Rows: the original; with DECODED also the reconstruction, and their difference. With "
+      "--views "
+      "or\n"
+      "--lights, all images that they select.\n"
       "\n"
       "Examples:\n"
       "  weft sheet cloth.safetensors -o cloth.png\n"

@@ -18,6 +18,7 @@
 #include "subcommand.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
+#include "weft/codecs/decoded_source.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
 #include "weft/codecs/tucker.hpp"
@@ -39,35 +40,20 @@ struct VerifyOptions {
   std::string nan = "error";
   bool ssim = false;
   bool log_error = false;
+  SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
 };
 
-// The part of the raw BTF that the model was fitted to.
-std::shared_ptr<TileSource> fitted_part(const std::string& path, const Model& model,
-                                        bool nan_zero) {
-  const Selection selection = selection_from_json(model.info.selection, "the model's selection");
-  std::shared_ptr<TileSource> part = selected_part(open_raw_btf(path), selection, nan_zero);
-  const BtfShape& found = part->info().shape;
-  const BtfShape& wanted = model.info.btf.shape;
-  if (found != wanted) {
-    fail_input(
-        "--against {}: [V,L,Y,X,C] of the part that the model was fitted to is "
-        "[{},{},{},{},{}], the model's is [{},{},{},{},{}]",
-        path, found.views, found.lights, found.height, found.width, found.channels, wanted.views,
-        wanted.lights, wanted.height, wanted.width, wanted.channels);
-  }
-  return part;
-}
-
-// Weights to measure with, of the part of the raw BTF that the model was fitted to: those given, or
-// those it was fitted with where that takes no files.
+// Weights to measure with, of the part of the raw BTF that is compared: those given, or those that
+// the model was fitted with where that takes no files.
 struct Weighing {
   Weights weights;
   bool fitted = false;  // whether the model was fitted with them
 };
 
-std::optional<Weighing> weighing(const VerifyOptions& options, const Model& model) {
+std::optional<Weighing> weighing(const VerifyOptions& options, const Model& model,
+                                 const ModelSelection& selection) {
   const std::string where = options.model + ": metadata \"weights\"";
   std::string text = options.weights;
   if (text.empty() && !model.info.weights.empty()) {
@@ -76,10 +62,9 @@ std::optional<Weighing> weighing(const VerifyOptions& options, const Model& mode
   }
   if (text.empty()) return {};
   const BtfInfo whole = open_raw_btf(options.against)->info();
-  const Selection selection = selection_from_json(model.info.selection, "the model's selection");
-  Weighing result{select(read_weights(text, whole), whole, selection)};
-  result.fitted =
-      !model.info.weights.empty() && are_given(result.weights, model.info.weights, where);
+  Weighing result{select(read_weights(text, whole), whole, selection.whole)};
+  result.fitted = selection.part.selects_all() && !model.info.weights.empty() &&
+                  are_given(result.weights, model.info.weights, where);
   return result;
 }
 
@@ -141,6 +126,31 @@ Difference compare(Device& device, const Codec& codec, const Model& model, TileS
   return difference;
 }
 
+struct LevelErrors {
+  ErrorSums sums;
+  LogErrorSums log_sums;
+};
+
+// Errors of decoded images whose mip level is that of `raw`.
+LevelErrors level_errors(TileSource& decoded, TileSource& raw, SimilarityRequest* similarity,
+                         WeightedErrors* weighted, std::optional<double> log_scale, Job& job) {
+  const BtfShape& shape = raw.info().shape;
+  std::vector<double> wanted(shape.image_values());
+  std::vector<double> found(shape.image_values());
+  LevelErrors errors;
+  const StageTimer timer(job, "errors of the mip level");
+  for (std::size_t image = 0; image < shape.images(); ++image) {
+    check_interrupt();
+    reference::read_tile(raw, image, 1, job.nan_zero, wanted);
+    reference::read_tile(decoded, image, 1, false, found);
+    errors.sums.merge(reference::error_sums(wanted, found));
+    if (similarity) add_similarities(shape, 1, wanted, found, *similarity);
+    if (weighted) add_weighted_errors(shape, image, 1, wanted, found, *weighted);
+    if (log_scale) errors.log_sums.merge(reference::log_error_sums(wanted, found, *log_scale));
+  }
+  return errors;
+}
+
 std::vector<Cell> error_row(std::string_view name, const ErrorReport& errors, bool ssim) {
   std::vector<Cell> row{
       text_cell(name),         number_cell(errors.rmse),     number_cell(errors.psnr),
@@ -155,9 +165,10 @@ std::vector<Cell> weighted_row(std::string_view name, const WeightedErrorReport&
 }
 
 // The scale of log errors: as recorded, or by the data; none where they are not asked for.
-std::optional<double> log_scale_of(const VerifyOptions& options, const Model& model,
+std::optional<double> log_scale_of(const VerifyOptions& options,
+                                   const std::optional<ErrorReport>& recorded, const Model& model,
                                    TileSource& raw, Job& job) {
-  if (model.info.errors && model.info.errors->log) return model.info.errors->log->scale;
+  if (recorded && recorded->log) return recorded->log->scale;
   if (!model.info.colour_transform.is_linear()) return model.info.colour_transform.scale;
   if (options.log_error) return mean_magnitude(raw, job);
   return std::nullopt;
@@ -174,22 +185,38 @@ void run_verify(const VerifyOptions& options) {
   if (options.device.reference()) {
     fail_input("--device reference: the check needs a device to compare the reference with");
   }
-  const std::unique_ptr<Model> model = expand_modes(read_model(options.model), options.expand);
+  std::shared_ptr<const Model> model = expand_modes(read_model(options.model), options.expand);
   const Codec& codec = find_codec(model->info.codec);
+  const ModelSelection selection = make_selection(options.selection, model->info, options.model);
+  const bool whole = selection.part.selects_all();
+  const std::optional<ErrorReport> recorded = model->info.errors;
+  // Mip levels are averages of decoded images: of what both decode, that is.
+  Selection stored = selection.part;
+  stored.level = 0;
+  Selection level;
+  level.level = selection.part.level;
+  const bool averaged = level.level > 0;
+  if (!stored.selects_all()) model = codec.select(*model, stored);
+  const BtfShape shape = select(model->info.btf, level).shape;
   std::shared_ptr<TileSource> raw;
   if (options.log_error && options.against.empty()) {
     fail_input("--log-error: errors against what? --against names the raw BTF");
   }
   if (options.ssim) {
     if (options.against.empty()) fail_input("--ssim: similar to what? --against names the raw BTF");
-    check_ssim(model->info.btf.shape.height, model->info.btf.shape.width, 1.0);
+    check_ssim(shape.height, shape.width, 1.0);
   }
-  if (!options.against.empty()) raw = fitted_part(options.against, *model, options.nan == "zero");
+  if (!options.against.empty()) {
+    raw = part_of_original(open_raw_btf(options.against), "--against " + options.against,
+                           selection.whole, shape, options.nan == "zero");
+  } else if (averaged) {
+    fail_input("--level: compared with what? --against names the raw BTF");
+  }
   if (!options.weights.empty() && options.against.empty()) {
     fail_input("--weights {}: of what? --against names the raw BTF", options.weights);
   }
   std::optional<Weighing> weights;
-  if (raw) weights = weighing(options, *model);
+  if (raw) weights = weighing(options, *model, selection);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report);
@@ -210,30 +237,52 @@ void run_verify(const VerifyOptions& options) {
   WeightedErrors weighted{weights ? weights->weights : none, {}};
   WeightedErrors weighted_reference{weighted.weights, {}};
   if (raw) {
-    if (model->info.errors) similarity.peak = model->info.errors->peak;
-    const ErrorSums sums =
-        measure_errors(*device, *codec.decoder(*device, *model), *raw, job,
-                       options.ssim ? &similarity : nullptr, weights ? &weighted : nullptr);
-    device_errors = weft::report(
-        sums, model->info.errors ? model->info.errors->peak : psnr_peak(raw->info(), sums));
-    if (options.ssim) device_errors.ssim = similarity.sums.mean();
-    log_scale = log_scale_of(options, *model, *raw, job);
-    if (log_scale) {
-      LogErrorRequest log{*log_scale, {}};
-      measure_log_errors(device.get(), *model, *raw, log, job);
-      device_errors.log = weft::report(log.sums, log.scale);
+    if (recorded) similarity.peak = recorded->peak;
+    SimilarityRequest* const similar = options.ssim ? &similarity : nullptr;
+    WeightedErrors* const weighted_sums = weights ? &weighted : nullptr;
+    log_scale = log_scale_of(options, recorded, *model, *raw, job);
+    LogErrorRequest log{log_scale.value_or(1), {}};
+    ErrorSums sums;
+    if (averaged) {
+      const auto decoded = select(decoded_source(device.get(), model), level);
+      if (similar && similarity.peak == 0) {
+        const LevelErrors first = level_errors(*decoded, *raw, nullptr, nullptr, {}, job);
+        similarity.peak = psnr_peak(raw->info(), first.sums);
+      }
+      const LevelErrors found =
+          level_errors(*decoded, *raw, similar, weighted_sums, log_scale, job);
+      sums = found.sums;
+      log.sums = found.log_sums;
+    } else {
+      sums = measure_errors(*device, *codec.decoder(*device, *model), *raw, job, similar,
+                            weighted_sums);
+      if (log_scale) measure_log_errors(device.get(), *model, *raw, log, job);
     }
+    device_errors = weft::report(sums, recorded ? recorded->peak : psnr_peak(raw->info(), sums));
+    if (options.ssim) device_errors.ssim = similarity.sums.mean();
+    if (log_scale) device_errors.log = weft::report(log.sums, log.scale);
   }
   SimilarityRequest by_reference{similarity.peak, {}};
   const double unit = codec.decode_tolerance(*model);
-  const Difference difference =
-      compare(*device, codec, *model, raw.get(), options.ssim ? &by_reference : nullptr,
-              weights ? &weighted_reference : nullptr, log_scale, job);
+  SimilarityRequest* const similar_reference = options.ssim ? &by_reference : nullptr;
+  WeightedErrors* const weighed_reference = weights ? &weighted_reference : nullptr;
+  Difference difference;
+  if (averaged) {
+    difference = compare(*device, codec, *model, nullptr, nullptr, nullptr, {}, job);
+    const LevelErrors found = level_errors(*select(decoded_source(nullptr, model), level), *raw,
+                                           similar_reference, weighed_reference, log_scale, job);
+    difference.reference_errors = found.sums;
+    difference.reference_log_errors = found.log_sums;
+  } else {
+    difference = compare(*device, codec, *model, raw.get(), similar_reference, weighed_reference,
+                         log_scale, job);
+  }
   const bool agree = difference.largest <= options.tolerance * unit;
 
   Report report;
   report.add("model", options.model);
   report.add("codec", codec.name());
+  report.add("selection", selection_cell(selection.whole));
   report.add("device", device_name(device));
   report.add("values", difference.count);
   Report& check = report.section("device_against_reference");
@@ -251,11 +300,13 @@ void run_verify(const VerifyOptions& options) {
     if (options.ssim) reference_errors.ssim = by_reference.sums.mean();
     std::vector<std::vector<Cell>> rows{error_row("device", device_errors, options.ssim),
                                         error_row("reference", reference_errors, options.ssim)};
-    if (model->info.errors) {
-      rows.push_back(error_row("recorded in the model", *model->info.errors, options.ssim));
+    const char* const record =
+        whole ? "recorded in the model" : "recorded of all that the model holds";
+    if (recorded) {
+      rows.push_back(error_row(record, *recorded, options.ssim));
       // The same sums on another device differ by rounding alone.
-      const double recorded = model->info.errors->rmse;
-      as_recorded = std::abs(device_errors.rmse - recorded) <= 1e-3 * recorded + unit;
+      as_recorded =
+          !whole || std::abs(device_errors.rmse - recorded->rmse) <= 1e-3 * recorded->rmse + unit;
     }
     report.add("against", options.against);
     report.add("psnr_peak", device_errors.peak);
@@ -268,11 +319,11 @@ void run_verify(const VerifyOptions& options) {
       std::vector<std::vector<Cell>> weighted_rows{
           weighted_row("device", on_device),
           weighted_row("reference", weighted_report(weighted_reference.sums, peak))};
-      if (weights->fitted && model->info.errors && model->info.errors->weighted) {
-        const WeightedErrorReport& recorded = *model->info.errors->weighted;
-        weighted_rows.push_back(weighted_row("recorded in the model", recorded));
+      if (weights->fitted && recorded && recorded->weighted) {
+        const WeightedErrorReport& fitted = *recorded->weighted;
+        weighted_rows.push_back(weighted_row(record, fitted));
         as_recorded =
-            as_recorded && std::abs(on_device.rmse - recorded.rmse) <= 1e-3 * recorded.rmse + unit;
+            as_recorded && std::abs(on_device.rmse - fitted.rmse) <= 1e-3 * fitted.rmse + unit;
       }
       report.table("weighted_errors", {"decoded_by", "rmse", "psnr", "snr", "relative"},
                    std::move(weighted_rows));
@@ -283,13 +334,11 @@ void run_verify(const VerifyOptions& options) {
       std::vector<std::vector<Cell>> log_rows{
           log_row("device", *device_errors.log),
           log_row("reference", weft::report(difference.reference_log_errors, *log_scale))};
-      if (model->info.errors && model->info.errors->log) {
-        log_rows.push_back(log_row("recorded in the model", *model->info.errors->log));
-      }
+      if (recorded && recorded->log) log_rows.push_back(log_row(record, *recorded->log));
       report.add("log_scale", *log_scale);
       report.table("log_errors", {"decoded_by", "log_rmse", "log_snr"}, std::move(log_rows));
     }
-    report.add("as_recorded", as_recorded);
+    if (whole) report.add("as_recorded", as_recorded);
   }
   reported.finish_progress();
   reported.add_fields(report);
@@ -347,16 +396,22 @@ void add_verify(CLI::App& program, Action& action) {
       "--log-error", options->log_error,
       "With --against: the errors of ln(1 + |x| / s) too, s the mean magnitude; always "
       "of models with --transform log or logluv");
+  add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
   command->footer(
-      "The tolerance is the worst that float rounding can do in the codec's decoding formula, "
-      "from\n"
-      "the number of terms and the magnitudes in the model. Exit status 1 beyond it.\n"
+      "Views, lights, channels, texels and levels count in the raw BTF, also where the model holds "
+      "only\n"
+      "a part of it. The tolerance is the worst that float rounding can do in the codec's "
+      "decoding\n"
+      "formula, from the number of terms and the magnitudes in the model. Exit status 1 beyond "
+      "it.\n"
       "\n"
       "Examples:\n"
       "  weft verify cloth.weft\n"
-      "  weft verify cloth.weft --against cloth.safetensors --json");
+      "  weft verify cloth.weft --against cloth.safetensors --json\n"
+      "  weft verify cloth.weft --against cloth.safetensors --views 'theta>60' --region "
+      "center:32x32");
   command->callback([options, &action] { action = [options] { run_verify(*options); }; });
 }
 

@@ -182,6 +182,14 @@ class SelectedSource : public TileSource {
     return source_->mapped(source_first, count);
   }
 
+  void prefetch(std::size_t first, std::size_t count) override {
+    // of a part of each image, all would be read
+    if (!whole_images_) return;
+    for_runs(first, count, [&](std::size_t, std::size_t length, std::size_t source_begin) {
+      source_->prefetch(source_begin, length);
+    });
+  }
+
   void release(std::size_t first, std::size_t count) override {
     for_runs(first, count, [&](std::size_t, std::size_t length, std::size_t source_begin) {
       source_->release(source_begin, length);

@@ -3,17 +3,16 @@
 #include <utility>
 
 #include "weft/btf/selection.hpp"
+#include "weft/model/selected_indices.hpp"
 
 namespace weft {
 
 ChannelPart::ChannelPart(std::shared_ptr<const Model> whole, std::vector<std::size_t> channels)
     : whole_(std::move(whole)), channels_(std::move(channels)) {
-  info = whole_->info;
   Selection part;
   part.channels = channels_;
-  info.btf = weft::select(info.btf, part);
+  info = selected_info(whole_->info, part);
   info.colour_transform = {};
-  info.errors.reset();  // they were measured of the whole
 }
 
 void ChannelPart::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

@@ -91,9 +91,7 @@ std::unique_ptr<LpcaModel> LpcaModel::select(const Selection& selection) const {
   part.level = 0;
   const BtfShape& whole = info.btf.shape;
   auto model = std::make_unique<LpcaModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
   model->rank = rank;
 
   const SelectedIndices indices = selected_indices(whole, part);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "weft/btf/recorded_selection.hpp"
 #include "weft/error.hpp"
 #include "weft/io/btf_tensors.hpp"
 #include "weft/io/json_text.hpp"
@@ -173,6 +174,8 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   info.colour_transform =
       colour_transform_from_text(file.require("colour_transform"), info.btf.shape.channels,
                                  field_of(file, "colour_transform"));
+  const std::string where = field_of(file, "selection");
+  held_part(info.btf, recorded_from_json(info.selection, where), where);  // which must fit
 
   if (file.metadata().count("errors") != 0) {
     info.errors =

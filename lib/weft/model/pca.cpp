@@ -74,9 +74,7 @@ std::unique_ptr<PcaModel> PcaModel::select(const Selection& selection) const {
   part.level = 0;
   const BtfShape& whole = info.btf.shape;
   auto model = std::make_unique<PcaModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
   model->rank = rank;
 
   const SelectedIndices indices = selected_indices(whole, part);
@@ -97,11 +95,9 @@ std::unique_ptr<PcaModel> PcaModel::next_mip_level() const {
   if (info.btf.encoding != Encoding::linear) return nullptr;
   const BtfShape& shape = info.btf.shape;
   auto model = std::make_unique<PcaModel>();
-  model->info = info;
   Selection half;
   half.level = 1;
-  model->info.btf = weft::select(info.btf, half);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, half);
   model->rank = rank;
   model->mean = mean;
   model->basis = basis;

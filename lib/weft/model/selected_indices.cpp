@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "weft/btf/recorded_selection.hpp"
+
 namespace weft {
 namespace {
 
@@ -39,6 +41,16 @@ SelectedIndices selected_indices(const BtfShape& whole, const Selection& selecti
     }
   }
   return indices;
+}
+
+ModelInfo selected_info(const ModelInfo& whole, const Selection& selection) {
+  constexpr std::string_view where = "the model's selection";
+  ModelInfo info = whole;
+  info.btf = select(whole.btf, selection);
+  info.selection =
+      to_json(composed(whole.btf, recorded_from_json(whole.selection, where), selection, where));
+  info.errors.reset();
+  return info;
 }
 
 }  // namespace weft

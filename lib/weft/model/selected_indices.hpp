@@ -1,10 +1,11 @@
-// The indices that a selection keeps, for models that select by copying.
+// What a selection keeps of a model, for models that select by copying.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
 #include "weft/btf/selection.hpp"
+#include "weft/model/model.hpp"
 
 namespace weft {
 
@@ -20,5 +21,10 @@ struct SelectedIndices {
 
 // The selection must fit the shape; its mip level is not looked at.
 SelectedIndices selected_indices(const BtfShape& whole, const Selection& selection);
+
+// What the part knows of itself: what it decodes to, what of the BTF that is, and no errors, which
+// were measured of the whole. Throws an input error if the model's record of what it holds does not
+// fit what it decodes to.
+ModelInfo selected_info(const ModelInfo& whole, const Selection& selection);
 
 }  // namespace weft

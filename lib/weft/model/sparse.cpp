@@ -158,9 +158,7 @@ std::unique_ptr<SparseModel> SparseModel::select(const Selection& selection) con
   part.level = 0;
   const BtfShape& whole = info.btf.shape;
   auto model = std::make_unique<SparseModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
 
   const SelectedIndices indices = selected_indices(whole, part);
   for (const std::size_t row : indices.image_channels(whole)) model->mean.push_back(mean[row]);

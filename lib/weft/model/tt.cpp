@@ -127,9 +127,7 @@ std::unique_ptr<TtModel> TtModel::select(const Selection& selection) const {
   Selection part = selection;
   part.level = 0;
   auto model = std::make_unique<TtModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
   model->order = order;
   model->ranks = ranks;
   model->stored = stored;
@@ -162,11 +160,9 @@ std::unique_ptr<TtModel> TtModel::select(const Selection& selection) const {
 std::unique_ptr<TtModel> TtModel::next_mip_level() const {
   if (info.btf.encoding != Encoding::linear) return nullptr;
   auto model = std::make_unique<TtModel>();
-  model->info = info;
   Selection half;
   half.level = 1;
-  model->info.btf = weft::select(info.btf, half);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, half);
   model->order = order;
   model->ranks = ranks;
   model->stored = stored;

@@ -266,9 +266,7 @@ std::unique_ptr<TuckerModel> TuckerModel::select(const Selection& selection) con
   Selection part = selection;
   part.level = 0;
   auto model = std::make_unique<TuckerModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
   model->set_groups(ModeGroups(model->info.btf.shape, groups.merge()));
   model->core = core;
 

@@ -96,9 +96,7 @@ std::unique_ptr<ViewPcaModel> ViewPcaModel::select(const Selection& selection) c
   part.level = 0;
   const BtfShape& whole = info.btf.shape;
   auto model = std::make_unique<ViewPcaModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
 
   const SelectedIndices indices = selected_indices(whole, part);
   const std::vector<std::size_t> first = offsets();
@@ -126,11 +124,9 @@ std::unique_ptr<ViewPcaModel> ViewPcaModel::next_mip_level() const {
   if (info.btf.encoding != Encoding::linear) return nullptr;
   const BtfShape& shape = info.btf.shape;
   auto model = std::make_unique<ViewPcaModel>();
-  model->info = info;
   Selection half;
   half.level = 1;
-  model->info.btf = weft::select(info.btf, half);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, half);
   model->ranks = ranks;
   model->mean = mean;
   model->basis = basis;

@@ -96,7 +96,9 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
   const std::vector<const Codec*> wanted = codecs_matching(options.filter);
   if (wanted.empty()) return;
   const Input input(device, options.input);
-  const std::shared_ptr<TileSource> source = open_raw_btf(input.path());
+  const std::shared_ptr<TileSource> whole = open_raw_btf(input.path());
+  const RecordedSelection selection = make_selection(options.selection, whole->info());
+  const std::shared_ptr<TileSource> source = select(whole, selection);
   const double gemm_peak = product_speed(device);
 
   std::vector<std::vector<Cell>> rows;
@@ -131,6 +133,7 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
   }
   report.add("gemm_peak", gemm_peak * 1e-9, "GFLOP/s");
   report.add("codec_input", input.name());
+  report.add("codec_selection", selection_cell(selection));
   report.table("codecs",
                {"codec", "rank", "run", "seconds", "gflop", "gigabytes", "bound_seconds",
                 "times_the_bound", "of_gemm_peak", "of_bandwidth", "stages"},

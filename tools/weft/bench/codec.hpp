@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "report.hpp"
+#include "selection_options.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/device/device.hpp"
 #include "weft/ops/peak.hpp"
@@ -13,9 +14,10 @@
 namespace weft {
 
 struct CodecBenchOptions {
-  std::string filter;  // codecs whose row "codec NAME" contains it
-  std::string input;   // a raw BTF; empty: a small weave is synthesised
-  std::string rank;    // of codecs that have one; empty: their default
+  std::string filter;          // codecs whose row "codec NAME" contains it
+  std::string input;           // a raw BTF; empty: a small weave is synthesised
+  std::string rank;            // of codecs that have one; empty: their default
+  SelectionOptions selection;  // of the input
   std::size_t memory = 0;
 };
 

@@ -76,12 +76,15 @@ std::optional<std::size_t> texel_operations(const Model& model) {
 }  // namespace
 
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report) {
-  const std::unique_ptr<Model> model = read_model(options.model);
+  const std::shared_ptr<const Model> whole = read_model(options.model);
+  const ModelSelection selection = make_selection(options.selection, whole->info, options.model);
+  const std::shared_ptr<const Model> model = selected_model(whole, selection.part, options.model);
   const Codec& codec = find_codec(model->info.codec);
   const BtfShape& shape = model->info.btf.shape;
   report.add("model", options.model);
   report.add("codec", codec.name());
   report.add("parameters", json_cell(model->info.parameters));
+  report.add("selection", selection_cell(selection.whole));
   const auto wanted = [&](std::string_view name) {
     return name.find(options.filter) != std::string_view::npos;
   };

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "report.hpp"
+#include "selection_options.hpp"
 #include "weft/device/device.hpp"
 
 namespace weft {
@@ -13,6 +14,7 @@ struct ModelBenchOptions {
   std::string model;                // a .weft file
   std::size_t lookups = 1'000'000;  // random look-ups of one call
   std::string filter;               // only measurements whose name contains this
+  SelectionOptions selection;       // of the model
 };
 
 // Adds the fields of one model to the report, those whose name the filter is part of:
