@@ -256,6 +256,15 @@ TEST(BatchOmp, EndsFarBelowTheSignal) {
   }
 }
 
+// Residuals to be reached are in the unit of signals that are scaled before they are squared.
+TEST(BatchOmp, EndsAtResidualsOfEveryMagnitude) {
+  for (const float scale : {1e-15f, 1e15f}) {
+    Problem problem = random_problem(40, 12, 30, 39);
+    for (float& value : problem.Y) value *= scale;
+    expect_every_way(problem, {8, 0.8 * double{scale}});
+  }
+}
+
 // A residual to be reached that rounding of |y|^2 hides: whether one atom does is told right.
 TEST(BatchOmp, EndsAtResidualsBelowTheRoundingOfSquares) {
   const std::size_t dimension = 8;
