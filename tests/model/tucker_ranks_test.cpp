@@ -81,6 +81,13 @@ TEST(RankChoice, GoalsAreMetToTheLast) {
   const RankChoice less = cut_ranks(core, sizes, bytes, {0, bytes.of(both) - 1});
   EXPECT_LT(bytes.of(less.ranks), bytes.of(both));
   EXPECT_EQ(less.lost, 1);
+  // ranks that are in no equal proportion
+  std::vector<float> row(36, 0.0f);
+  row[0] = row[1] = 2;
+  row[3] = 1;
+  const std::vector<std::size_t> short_row{1, 2};
+  EXPECT_EQ(cut_ranks(row, sizes, bytes, {1, 0}).ranks, short_row);
+  EXPECT_EQ(cut_ranks(row, sizes, bytes, {0, bytes.of(short_row)}).ranks, short_row);
 }
 
 TEST(RankChoice, EqualProportionsAreTheLargestThatFit) {
