@@ -33,44 +33,6 @@ void expect_input_error(Action action, const std::string& message) {
   }
 }
 
-TEST(ParseIndices, ListsAndRangesKeepTheirOrder) {
-  EXPECT_EQ(parse_indices("0,3,8-11", 12, "--views"), (Indices{0, 3, 8, 9, 10, 11}));
-  EXPECT_EQ(parse_indices(" 5 , 1 ", 12, "--views"), (Indices{5, 1}));
-  EXPECT_EQ(parse_indices("all", 3, "--views"), (Indices{0, 1, 2}));
-  EXPECT_EQ(parse_indices("2-2", 3, "--views"), (Indices{2}));
-}
-
-TEST(ParseIndices, WhatIsWrongIsNamed) {
-  const auto error = [](const std::string& text, const std::string& message) {
-    expect_input_error([&] { parse_indices(text, 12, "--views"); }, message);
-  };
-  error("", "--views: '' is not an index or a range such as 8-11");
-  error("1,", "--views: '' is not an index or a range such as 8-11");
-  error("1,x", "--views: 'x' is not an index or a range such as 8-11");
-  error("1.5", "--views: '1.5' is not an index or a range such as 8-11");
-  error("-3", "--views: '-3' is not an index or a range such as 8-11");
-  error("3-", "--views: '3-' is not an index or a range such as 8-11");
-  error("1-2-3", "--views: '1-2-3' is not an index or a range such as 8-11");
-  error("12", "--views: '12' is out of range: there are 12, counted from 0");
-  error("0-99999999999", "--views: '0-99999999999' is out of range: there are 12, counted from 0");
-  error("99999999999999999999999",
-        "--views: '99999999999999999999999' is not an index or a range such as 8-11");
-  error("1,0-2", "--views: 1 is repeated by '0-2'");
-  error("5-2", "--views: the range '5-2' runs backwards");
-}
-
-TEST(ParseRegion, FourNumbers) {
-  EXPECT_EQ(parse_region("64,0,128x96", "--region"), (Region{64, 0, 128, 96}));
-  for (const std::string text :
-       {"", "1,2,3", "1,2,3x", "1,2x3,4", "-1,2,3x4", "1,2,3x4x5", "axb"}) {
-    expect_input_error(
-        [&] { parse_region(text, "--region"); },
-        "--region: '" + text + "' is not a region X,Y,WIDTHxHEIGHT such as 64,0,128x128");
-  }
-  expect_input_error([] { parse_region("0,0,0x4", "--region"); },
-                     "--region: the region '0,0,0x4' is empty");
-}
-
 TEST(Selection, AsJson) {
   EXPECT_EQ(to_json(Selection{}), "{}");
   Selection selection;

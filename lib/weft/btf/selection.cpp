@@ -1,7 +1,6 @@
 #include "weft/btf/selection.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cstring>
 #include <numeric>
 #include <utility>
@@ -11,31 +10,6 @@
 
 namespace weft {
 namespace {
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(" \t");
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
-}
-
-// A whole unsigned decimal number, nothing before or behind it.
-std::optional<std::size_t> parse_number(std::string_view text) {
-  text = trimmed(text);
-  std::size_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || text.empty()) return {};
-  return value;
-}
-
-std::size_t parse_index(std::string_view text, std::string_view part, std::size_t limit,
-                        std::string_view option) {
-  const std::optional<std::size_t> value = parse_number(text);
-  if (!value) fail_input("{}: '{}' is not an index or a range such as 8-11", option, part);
-  if (*value >= limit) {
-    fail_input("{}: '{}' is out of range: there are {}, counted from 0", option, part, limit);
-  }
-  return *value;
-}
 
 // Throws unless the list is within the limit, without repetition and not empty.
 void check_list(const std::vector<std::size_t>& list, std::size_t limit, std::string_view option) {
@@ -251,48 +225,6 @@ class SelectedSource : public TileSource {
 };
 
 }  // namespace
-
-std::vector<std::size_t> parse_indices(std::string_view text, std::size_t limit,
-                                       std::string_view option) {
-  if (trimmed(text) == "all") return list_or_all({}, limit);
-  std::vector<std::size_t> indices;
-  std::vector<bool> seen(limit, false);
-  while (true) {
-    const std::size_t comma = text.find(',');
-    const std::string_view part = trimmed(text.substr(0, comma));
-    const std::size_t dash = part.find('-');
-    const std::size_t first = parse_index(part.substr(0, dash), part, limit, option);
-    std::size_t last = first;
-    if (dash != std::string_view::npos) {
-      last = parse_index(part.substr(dash + 1), part, limit, option);
-      if (last < first) fail_input("{}: the range '{}' runs backwards", option, part);
-    }
-    for (std::size_t index = first; index <= last; ++index) {
-      if (seen[index]) fail_input("{}: {} is repeated by '{}'", option, index, part);
-      seen[index] = true;
-      indices.push_back(index);
-    }
-    if (comma == std::string_view::npos) return indices;
-    text.remove_prefix(comma + 1);
-  }
-}
-
-Region parse_region(std::string_view text, std::string_view option) {
-  const std::size_t comma = text.find(',');
-  const std::size_t second = comma == std::string_view::npos ? comma : text.find(',', comma + 1);
-  const std::size_t cross = second == std::string_view::npos ? second : text.find('x', second);
-  if (cross != std::string_view::npos) {
-    const auto x = parse_number(text.substr(0, comma));
-    const auto y = parse_number(text.substr(comma + 1, second - comma - 1));
-    const auto width = parse_number(text.substr(second + 1, cross - second - 1));
-    const auto height = parse_number(text.substr(cross + 1));
-    if (x && y && width && height) {
-      if (*width == 0 || *height == 0) fail_input("{}: the region '{}' is empty", option, text);
-      return {*x, *y, *width, *height};
-    }
-  }
-  fail_input("{}: '{}' is not a region X,Y,WIDTHxHEIGHT such as 64,0,128x128", option, text);
-}
 
 std::string to_json(const Selection& selection) {
   std::string text;

@@ -36,19 +36,8 @@ struct Selection {
   bool selects_all() const { return !views && !lights && !region && !channels && level == 0; }
 };
 
-// "0,3,8-11" with indices below `limit`; also "all". Throws an input error that names `option` and
-// the offending part: not a number, out of range, repeated, or a range that runs backwards.
-std::vector<std::size_t> parse_indices(std::string_view text, std::size_t limit,
-                                       std::string_view option);
-
-// "X,Y,WIDTHxHEIGHT", for example "64,0,128x128".
-Region parse_region(std::string_view text, std::string_view option);
-
 // As text for a report or a model's metadata: a JSON object with the parts that are set.
 std::string to_json(const Selection& selection);
-
-// The inverse. Throws an input error that names `where` for text that to_json did not make.
-Selection selection_from_json(std::string_view text, std::string_view where);
 
 // What `info` becomes under the selection. Throws an input error that names the part of the
 // selection that does not fit. A `paired` BTF takes no light selection.

@@ -108,8 +108,4 @@ RecordedSelection recorded_from_json(std::string_view text, std::string_view whe
   }
 }
 
-Selection selection_from_json(std::string_view text, std::string_view where) {
-  return recorded_from_json(text, where);
-}
-
 }  // namespace weft
