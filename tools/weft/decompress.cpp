@@ -196,9 +196,10 @@ void add_decompress(CLI::App& program, Action& action) {
       ->check(CLI::Range(0, 256))
       ->type_name("COUNT");
   command
-      ->add_option("--expand", options->expand,
-                   "Modes of a tucker model, as y,x, whose factors are multiplied into the core "
-                   "once: memory for speed")
+      ->add_option(
+          "--expand", options->expand,
+          "Modes of a tucker or kcta model, as y,x, whose factors are multiplied into its cores "
+          "once: memory for speed")
       ->type_name("MODES");
   command->add_flag("--replace", options->replace,
                     "Let an existing folder that is not empty give way");

@@ -366,9 +366,10 @@ void add_verify(CLI::App& program, Action& action) {
       "verify", "Check a model: device against reference, and both against the raw BTF");
   command->add_option("MODEL", options->model, "Model: .weft")->required()->type_name("");
   command
-      ->add_option("--expand", options->expand,
-                   "Modes of a tucker model, as y,x, whose factors are multiplied into the core "
-                   "before both decode it")
+      ->add_option(
+          "--expand", options->expand,
+          "Modes of a tucker or kcta model, as y,x, whose factors are multiplied into its cores "
+          "before both decode it")
       ->type_name("MODES");
   command
       ->add_option("--against", options->against,

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "weft/codecs/colour_decoders.hpp"
+#include "weft/codecs/kcta.hpp"
 #include "weft/codecs/lpca.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/sparse.hpp"
@@ -153,9 +154,9 @@ double lookup_tolerance(const Codec& codec, const Model& model, const LookupShap
 }
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 6> table{&pca_codec(),  &view_pca_codec(),
-                                                 &lpca_codec(), &sparse_codec(),
-                                                 &tt_codec(),   &tucker_codec()};
+  static const std::array<const Codec*, 8> table{
+      &pca_codec(), &view_pca_codec(), &lpca_codec(), &sparse_codec(),
+      &tt_codec(),  &tucker_codec(),   &cta_codec(),  &kcta_codec()};
   return table;
 }
 

@@ -73,6 +73,12 @@ class Fitter {
     }
   }
 
+  std::vector<std::vector<double>> spectra() {
+    std::vector<std::vector<double>> values;
+    for (Spectrum& spectrum : data_spectra()) values.push_back(std::move(spectrum.values));
+    return values;
+  }
+
   TuckerFit run() {
     const bool iterates = request_.method == TuckerMethod::hooi;
     if ((iterates ? request_.start : request_.method) == TuckerMethod::hosvd) {
@@ -483,6 +489,20 @@ class Fitter {
 
 TuckerFit fit_tucker(Device& device, TileSource& source, const TuckerOptions& options, Job& job) {
   return Fitter(device, source, options, job).run();
+}
+
+std::vector<std::vector<double>> mode_spectra(Device& device, TileSource& source,
+                                              const ModeGroups& groups,
+                                              std::span<const std::size_t> modes, Job& job) {
+  TuckerOptions options;
+  options.request.groups = groups;
+  options.request.most = groups.sizes();
+  // a mode is looked at where it is to be cut
+  for (const std::size_t n : modes) options.request.most[n] -= 1;
+  MemoryPlan plan = plan_tucker(device, source, options, job);
+  plan.limit = job.memory;
+  plan.check();
+  return Fitter(device, source, options, job).spectra();
 }
 
 }  // namespace weft

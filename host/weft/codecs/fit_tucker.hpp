@@ -11,6 +11,8 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
+#include <vector>
 
 #include "weft/btf/tile.hpp"
 #include "weft/device/device.hpp"
@@ -28,5 +30,11 @@ struct TuckerOptions {
 // The model's info is left to the caller, and so is rounding it. Throws input errors for NaN or
 // infinite values and for what does not fit job.memory.
 TuckerFit fit_tucker(Device& device, TileSource& source, const TuckerOptions& options, Job& job);
+
+// The squared singular values of modes of the data as it is, times a power of two that they share;
+// descending, and none for other modes. Modes are no longer than longest_gram_mode.
+std::vector<std::vector<double>> mode_spectra(Device& device, TileSource& source,
+                                              const ModeGroups& groups,
+                                              std::span<const std::size_t> modes, Job& job);
 
 }  // namespace weft

@@ -8,11 +8,13 @@
 #include <utility>
 
 #include "weft/codecs/fit_tucker.hpp"
+#include "weft/codecs/rank_options.hpp"
 #include "weft/codecs/tucker_decoder.hpp"
 #include "weft/codecs/tucker_options.hpp"
 #include "weft/codecs/tucker_plan.hpp"
 #include "weft/codecs/tucker_sampler.hpp"
 #include "weft/error.hpp"
+#include "weft/model/kcta_parts.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/model/tucker_parts.hpp"
@@ -25,15 +27,6 @@ namespace {
 
 const TuckerModel& as_tucker(const Model& model) {
   return dynamic_cast<const TuckerModel&>(model);
-}
-
-// "v":61,"l":27
-std::string ranks_json(const ModeGroups& groups, std::span<const std::size_t> ranks) {
-  std::string text;
-  for (std::size_t n = 0; n < groups.count(); ++n) {
-    text += fmt::format("{}\"{}\":{}", text.empty() ? "" : ",", groups.groups()[n].name, ranks[n]);
-  }
-  return text;
 }
 
 // What the encoder says of itself, with room: a file's size shall not depend on the digits of its
@@ -289,6 +282,7 @@ const Codec& tucker_codec() {
 
 std::unique_ptr<Model> expand_modes(std::unique_ptr<Model> model, std::string_view modes) {
   if (modes.empty()) return model;
+  if (const auto* kcta = dynamic_cast<const KctaModel*>(model.get())) return expanded(*kcta, modes);
   const auto* tucker = dynamic_cast<const TuckerModel*>(model.get());
   if (tucker == nullptr) {
     fail_input("--expand {}: a model of codec {} has no modes to expand", modes, model->info.codec);

@@ -7,7 +7,7 @@
 
 #include "weft/error.hpp"
 #include "weft/model/divide.hpp"
-#include "weft/model/selected_indices.hpp"
+#include "weft/model/group_tensors.hpp"
 #include "weft/tensor/sizes.hpp"
 
 namespace weft {
@@ -58,48 +58,13 @@ std::vector<double> contract(std::span<const Number> T, std::size_t outer, std::
   return rest;
 }
 
-// The lists of indices that a selection keeps of each mode.
-std::array<std::vector<std::size_t>, mode_count> kept_indices(const BtfShape& shape,
-                                                              const Selection& selection) {
-  const SelectedIndices indices = selected_indices(shape, selection);
-  const Region region = selection.region.value_or(Region{0, 0, shape.width, shape.height});
-  std::array<std::vector<std::size_t>, mode_count> kept;
-  kept[index_of(Mode::view)] = indices.views;
-  kept[index_of(Mode::light)] = indices.lights;
-  kept[index_of(Mode::channel)] = indices.channels;
-  for (std::size_t y = 0; y < region.height; ++y) {
-    kept[index_of(Mode::row)].push_back(region.y + y);
-  }
-  for (std::size_t x = 0; x < region.width; ++x) {
-    kept[index_of(Mode::column)].push_back(region.x + x);
-  }
-  return kept;
-}
-
-// Rows `rows` of mode n of a row-major tensor [outer][n][inner].
-std::vector<float> take(std::span<const float> T, std::size_t outer, std::size_t n,
-                        std::size_t inner, std::span<const std::size_t> rows) {
-  std::vector<float> part;
-  part.reserve(outer * rows.size() * inner);
-  for (std::size_t o = 0; o < outer; ++o) {
-    for (const std::size_t row : rows) {
-      const auto from = T.begin() + static_cast<std::ptrdiff_t>((o * n + row) * inner);
-      part.insert(part.end(), from, from + static_cast<std::ptrdiff_t>(inner));
-    }
-  }
-  return part;
-}
-
 }  // namespace
 
 void TuckerModel::set_groups(ModeGroups modes) {
   groups = std::move(modes);
   ranks = groups.sizes();
   factors.assign(groups.count(), {});
-  group_of_modes_.clear();
-  for (const Mode mode : all_modes) {
-    group_of_modes_.push_back(static_cast<std::uint8_t>(groups.group_of(mode)));
-  }
+  group_of_modes_ = group_numbers(groups);
 }
 
 std::vector<ModelTensor> TuckerModel::tensors() const {
@@ -128,33 +93,10 @@ std::vector<std::span<float>> TuckerModel::real_values() {
 
 // A mode's factors divide the rows of its U, or the slices of the core where it has none.
 void TuckerModel::divide(const Weights& scale) {
-  const BtfShape& shape = info.btf.shape;
-  const auto split = rows_and_columns(scale.texels, shape.height, shape.width);
-  const bool texels_together = groups.group_of(Mode::row) == groups.group_of(Mode::column);
-  if (!texels_together && !split) fail_runtime("tucker: texel factors are no products");
+  const auto divisors = group_divisors(groups, info.btf.shape, scale, "tucker");
   for (std::size_t n = 0; n < groups.count(); ++n) {
-    const ModeGroup& group = groups.groups()[n];
-    const auto index = [&](Mode mode, std::size_t i) {
-      return i / groups.stride(mode) % mode_size(shape, mode);
-    };
-    std::vector<double> s(group.size, 1.0);
-    for (std::size_t i = 0; i < group.size; ++i) {
-      if (group.has(Mode::view) && !scale.views.empty()) {
-        s[i] *= scale.views[index(Mode::view, i)];
-      }
-      if (group.has(Mode::light) && !scale.lights.empty()) {
-        s[i] *= scale.lights[index(Mode::light, i)];
-      }
-      if (scale.texels.empty()) continue;
-      if (group.has(Mode::row) && group.has(Mode::column)) {
-        s[i] *= scale.texels[index(Mode::row, i) * shape.width + index(Mode::column, i)];
-      } else if (group.has(Mode::row)) {
-        s[i] *= split->first[index(Mode::row, i)];
-      } else if (group.has(Mode::column)) {
-        s[i] *= split->second[index(Mode::column, i)];
-      }
-    }
-    if (std::all_of(s.begin(), s.end(), [](double value) { return value == 1; })) continue;
+    const std::vector<double>& s = divisors[n];
+    if (s.empty()) continue;
     if (has_factor(n)) {
       std::vector<float>& U = factors[n];
       for (std::size_t i = 0; i < U.size(); ++i) divide_by(U[i], s[i / ranks[n]]);
@@ -270,28 +212,18 @@ std::unique_ptr<TuckerModel> TuckerModel::select(const Selection& selection) con
   model->set_groups(ModeGroups(model->info.btf.shape, groups.merge()));
   model->core = core;
 
-  const auto kept = kept_indices(info.btf.shape, part);
+  const std::vector<std::vector<std::size_t>> kept = kept_rows(groups, info.btf.shape, part);
   std::vector<std::size_t> sizes = ranks;  // of the core so far
   for (std::size_t n = 0; n < groups.count(); ++n) {
-    // rows of the group, its last mode fastest
-    std::vector<std::size_t> rows{0};
-    for (const Mode mode : groups.groups()[n].modes) {
-      std::vector<std::size_t> longer;
-      for (const std::size_t row : rows) {
-        for (const std::size_t index : kept[index_of(mode)]) {
-          longer.push_back(row + index * groups.stride(mode));
-        }
-      }
-      rows = std::move(longer);
-    }
+    const std::vector<std::size_t>& rows = kept[n];
     if (has_factor(n)) {
-      model->factors[n] = take(factors[n], 1, groups.groups()[n].size, ranks[n], rows);
+      model->factors[n] = take_rows(factors[n], 1, groups.groups()[n].size, ranks[n], rows);
       model->ranks[n] = ranks[n];
       continue;
     }
     const std::size_t outer = product(std::span(sizes).first(n));
     const std::size_t inner = product(std::span(sizes).subspan(n + 1));
-    model->core = take(model->core, outer, sizes[n], inner, rows);
+    model->core = take_rows(model->core, outer, sizes[n], inner, rows);
     sizes[n] = rows.size();
     model->ranks[n] = sizes[n];
   }
@@ -304,26 +236,7 @@ std::unique_ptr<TuckerModel> TuckerModel::read(const ModelFile& file) {
   }
   auto model = std::make_unique<TuckerModel>();
   model->info = file.info();
-  const BtfShape& shape = model->info.btf.shape;
-
-  // Modes of the same number are merged; the numbers must be those that this makes.
-  const std::vector<std::uint32_t> numbers = file.index_tensor("modes", {mode_count}, mode_count);
-  std::string merge;
-  for (std::uint32_t g = 0; g < mode_count; ++g) {
-    std::string group;
-    for (const Mode mode : all_modes) {
-      if (numbers[index_of(mode)] == g) group += name_of(mode);
-    }
-    if (group.size() > 1) merge += (merge.empty() ? "" : ",") + group;
-  }
-  try {
-    model->set_groups(ModeGroups(shape, merge));
-  } catch (const Error& error) {
-    file.reject(std::string("tensor \"modes\": ") + error.what());
-  }
-  if (!std::equal(numbers.begin(), numbers.end(), model->group_of_modes_.begin())) {
-    file.reject("tensor \"modes\": groups are not numbered in the order of the core");
-  }
+  model->set_groups(read_groups(file));
 
   // The core's shape says the ranks; a mode without a factor is as long as the tensor.
   const std::vector<std::size_t>& found = file.shape_of("core");

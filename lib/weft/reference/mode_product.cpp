@@ -53,6 +53,12 @@ std::vector<double> mode_product(std::span<const std::size_t> sizes, std::size_t
   const auto [outer, inner] = split(sizes, mode);
   const std::size_t n = sizes[mode];
   std::vector<double> product(outer * rows * inner);
+  if (inner == 1) {  // one product instead of one for every row
+    Eigen::Map<RowMajor>(product.data(), static_cast<Eigen::Index>(outer),
+                         static_cast<Eigen::Index>(rows))
+        .noalias() = matrix(outer, n, T) * matrix(rows, n, M).transpose();
+    return product;
+  }
   for (std::size_t o = 0; o < outer; ++o) {
     Eigen::Map<RowMajor>(product.data() + o * rows * inner, static_cast<Eigen::Index>(rows),
                          static_cast<Eigen::Index>(inner))

@@ -12,6 +12,7 @@
 #include "weft/codecs/codec.hpp"
 #include "weft/device/tile_stream.hpp"
 #include "weft/error.hpp"
+#include "weft/model/kcta.hpp"
 #include "weft/model/tt.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/ops/peak.hpp"
@@ -69,6 +70,7 @@ std::optional<std::size_t> texel_operations(const Model& model) {
   if (const auto* tucker = dynamic_cast<const TuckerModel*>(&model)) {
     return tucker->texel_operations();
   }
+  if (const auto* kcta = dynamic_cast<const KctaModel*>(&model)) return kcta->texel_operations();
   if (const auto* train = dynamic_cast<const TtModel*>(&model)) return train->texel_operations();
   return std::nullopt;
 }

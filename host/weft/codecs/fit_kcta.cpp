@@ -1,0 +1,658 @@
+#include "weft/codecs/fit_kcta.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+#include "weft/codecs/fit_tucker.hpp"
+#include "weft/codecs/held_tensor.hpp"
+#include "weft/codecs/scan_source.hpp"
+#include "weft/codecs/slice_rows.hpp"
+#include "weft/codecs/tucker_plan.hpp"
+#include "weft/error.hpp"
+#include "weft/reference/factorise.hpp"
+#include "weft/tensor/sizes.hpp"
+
+namespace weft {
+namespace {
+
+using reference::KctaMixing;
+using Sizes = std::vector<std::size_t>;
+
+// The leading `rank` eigenvectors of a Gram matrix, [n][rank].
+std::vector<float> leading(std::size_t n, std::span<const double> gram, std::size_t rank) {
+  const reference::SymmetricEigen eigen = reference::symmetric_eigen(n, gram);
+  std::vector<float> U(n * rank);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j < rank; ++j) {
+      U[i * rank + j] = static_cast<float>(eigen.vectors[i * n + j]);
+    }
+  }
+  return U;
+}
+
+std::vector<float> transposed(std::size_t rows, std::size_t columns, std::span<const float> M) {
+  std::vector<float> result(M.size());
+  for (std::size_t i = 0; i < rows; ++i) {
+    for (std::size_t j = 0; j < columns; ++j) result[j * rows + i] = M[i * columns + j];
+  }
+  return result;
+}
+
+// The decomposition of the global bases: those modes are cut, the others stay whole.
+TuckerOptions global_options(const KctaRequest& request) {
+  TuckerOptions options;
+  options.request.groups = request.groups;
+  options.request.most = request.groups.sizes();
+  for (std::size_t n = 0; n < request.groups.count(); ++n) {
+    if (request.cuts(n) && request.global_mode[n] != 0) {
+      options.request.most[n] = request.ranks[n];
+    }
+  }
+  options.request.storage = Storage::f32;
+  return options;
+}
+
+// How slices lie: sizes and ranks of the modes, the clustered one first, after the global bases.
+struct SliceShape {
+  Sizes groups;  // which group each mode is
+  Sizes sizes;
+  Sizes ranks;
+
+  explicit SliceShape(const KctaRequest& request) {
+    groups.push_back(request.mode);
+    for (std::size_t n = 0; n < request.groups.count(); ++n) {
+      if (n != request.mode) groups.push_back(n);
+    }
+    for (const std::size_t n : groups) {
+      const bool global = request.cuts(n) && request.global_mode[n] != 0;
+      sizes.push_back(global ? request.ranks[n] : request.groups.groups()[n].size);
+      ranks.push_back(request.ranks[n]);
+    }
+  }
+  std::size_t slices() const { return sizes[0]; }
+  std::size_t row() const { return product(std::span(sizes).subspan(1)); }
+  std::size_t core_row() const { return product(std::span(ranks).subspan(1)); }
+  // Modes behind the first with a basis for each cluster.
+  bool local(std::size_t axis) const { return ranks[axis] < sizes[axis]; }
+};
+
+// Bytes that are held beside A: rows of clusters, and of slices less what clusters make of them.
+std::size_t held_beside(const KctaRequest& request, const SliceShape& shape) {
+  const std::size_t residual = request.mixtures > 1 ? shape.slices() : 0;
+  return (request.clusters * shape.ranks[0] + residual) * shape.row() * sizeof(float);
+}
+
+MemoryPlan working_plan(const Device& device, const KctaRequest& request, const SliceShape& shape) {
+  MemoryPlan plan;
+  const std::size_t rank = shape.ranks[0];
+  const std::size_t rows = std::max(shape.slices(), request.clusters * rank);
+  plan.add("blocks of slices", row_products_bytes(device, 2 * rows, shape.row()));
+  std::size_t longest = 1;
+  std::size_t eigen = shape.slices();
+  for (std::size_t a = 1; a < shape.sizes.size(); ++a) {
+    if (shape.local(a)) longest = std::max(longest, shape.sizes[a]);
+  }
+  eigen = std::max(eigen, longest);
+  plan.add("projected slices",
+           3 * rank * shape.row() * sizeof(float) +
+               HeldTensor::working_bytes(device, rank * shape.row(), longest, Arithmetic::f32));
+  plan.add("slices of a core", shape.slices() * shape.core_row() * sizeof(float));
+  plan.add("clusters", 3 * request.clusters * rank * shape.core_row() * sizeof(float));
+  const std::size_t products = request.clusters * rank;
+  plan.add("small problem",
+           (6 * eigen * eigen + products * (2 * products + shape.slices())) * sizeof(double));
+  return plan;
+}
+
+// A cluster: its core [R_m][R_n ...] and the bases of the modes behind the first, or none.
+struct Cluster {
+  std::vector<float> Z;
+  std::vector<std::vector<float>> U;  // of mode a at a
+};
+
+struct State {
+  std::vector<Cluster> clusters;
+  std::size_t mixtures = 1;
+  KctaMixing mixing;
+
+  double error() const { return std::accumulate(mixing.errors.begin(), mixing.errors.end(), 0.0); }
+  double core_norms() const {
+    double sum = 0;
+    for (const Cluster& cluster : clusters) {
+      double squares = 0;
+      for (const float value : cluster.Z) squares += double{value} * double{value};
+      sum += std::sqrt(squares);
+    }
+    return sum;
+  }
+};
+
+class Fitter {
+ public:
+  Fitter(Device& device, TileSource& source, const KctaRequest& request, Job& job)
+      : device_(device),
+        source_(source),
+        request_(request),
+        job_(job),
+        shape_(request),
+        row_(shape_.row()),
+        rank_(shape_.ranks[0]) {}
+
+  KctaFit run() {
+    hold_slices();
+    start();
+    // a pass of hard clustering before those of soft clustering (section 5.1)
+    if (request_.mixtures > 1) iterate(1);
+    for (std::size_t i = 0; i < request_.iterations; ++i) {
+      const double before = state_.core_norms();
+      const bool better = iterate(request_.mixtures);
+      job_.advance("iteration", i + 1, request_.iterations);
+      fit_.errors.restored = !better;
+      const double norms = state_.core_norms();
+      if (!better || std::abs(norms - before) <= request_.least_change * norms) break;
+    }
+    make_model();
+    return std::move(fit_);
+  }
+
+ private:
+  // A_G, eq. (23), with the clustered mode first and its largest value near 1.
+  void hold_slices() {
+    const TuckerOptions options = global_options(request_);
+    TuckerFit global = fit_tucker(device_, source_, options, job_);
+    fit_.errors.squares = global.errors.squares;
+    fit_.errors.lost = std::max(0.0, global.errors.discarded);
+    global_ = std::move(global.model->factors);
+    A_ = std::move(global.model->core);
+    const StageTimer timer(job_, "slices");
+    float largest = 0;
+    for (const float value : A_) largest = std::max(largest, std::abs(value));
+    scale_ = unit_scale(double{largest});
+    if (scale_ != 1) {
+      for (float& value : A_) value *= scale_;
+    }
+    if (request_.mode > 0) put_first();
+    place_ = A_.place();
+    std::size_t others = A_.place() == FloatStore::Place::memory ? A_.size() * sizeof(float) : 0;
+    others += working_plan(device_, request_, shape_).total();
+    for (const MemoryItem& item : job_.held) others += item.bytes;
+    if (others + held_beside(request_, shape_) > job_.memory) place_ = FloatStore::Place::file;
+    B_ = FloatStore(request_.clusters * rank_ * row_, place_);
+    slices_ = row_list(A_, shape_.slices(), row_);
+    squares_ = combined_squares(device_, row_, slices_, {}, {});
+  }
+
+  void put_first() {
+    std::size_t outer = 1;
+    for (std::size_t n = 0; n < request_.mode; ++n) outer *= shape_.sizes[n + 1];
+    const std::size_t inner = row_ / outer;
+    FloatStore turned(A_.size(), A_.place());
+    for (std::size_t o = 0; o < outer; ++o) {
+      check_interrupt();
+      for (std::size_t i = 0; i < shape_.slices(); ++i) {
+        std::copy_n(A_.data() + (o * shape_.slices() + i) * inner, inner,
+                    turned.data() + i * row_ + o * inner);
+      }
+    }
+    A_ = std::move(turned);
+  }
+
+  RowList rows_of(std::size_t cluster) const {
+    return row_list(std::span<const float>(B_).subspan(cluster * rank_ * row_, rank_ * row_), rank_,
+                    row_);
+  }
+
+  void start() {
+    const std::size_t slices = shape_.slices();
+    std::vector<std::uint32_t>& members = state_.mixing.members;
+    if (request_.start == KctaStart::directions) {
+      members = cluster_points(slice_parameters(source_.info(), request_.groups, request_.mode),
+                               request_.clusters);
+    } else if (request_.start == KctaStart::slices) {
+      const std::vector<double> gram = row_products(device_, row_, slices_, slices_);
+      members = cluster_points(leading_subspace(slices, gram, request_.clusters * rank_),
+                               request_.clusters, job_.seed);
+    } else {
+      members = deal_slices(slices, request_.clusters, job_.seed);
+    }
+    state_.clusters.resize(request_.clusters);
+    state_.mixing.coefficients.assign(slices * rank_, 0.0);
+    state_.mixing.errors.assign(slices, 0.0);
+    update(std::vector<bool>(request_.clusters, true));
+    fit_.errors.history.push_back(state_.error());
+  }
+
+  // Both stages; false where the error grew, and what was before is restored.
+  bool iterate(std::size_t mixtures) {
+    const State before = state_;
+    std::vector<bool> fresh(request_.clusters, false);
+    {
+      const StageTimer timer(job_, "clustering stage");
+      const RowList rows = row_list(B_, request_.clusters * rank_, row_);
+      const std::vector<double> gram = row_products(device_, row_, rows, rows);
+      const std::vector<double> products = row_products(device_, row_, slices_, rows);
+      const double slices = static_cast<double>(shape_.slices() + rows.size());
+      job_.stage("clustering stage").flops += 2 * slices * static_cast<double>(rows.size() * row_);
+      state_.mixtures = mixtures;
+      state_.mixing = mix_by_products(request_.clusters, mixtures, products, gram, squares_);
+      for (const SliceMove& move : fill_empty_clusters(
+               request_.clusters, mixtures, state_.mixing.members, state_.mixing.errors)) {
+        fresh[move.to] = true;
+        refit(move.slice, fresh, products, gram);
+      }
+    }
+    update(fresh);
+    const bool better = state_.error() <= before.error();
+    if (!better) {
+      state_ = before;
+      for (std::size_t c = 0; c < request_.clusters; ++c) expand(c);
+    }
+    fit_.errors.history.push_back(state_.error());
+    return better;
+  }
+
+  // Coefficients of a slice for those of its clusters that have a core, its clusters put in order.
+  void refit(std::size_t i, const std::vector<bool>& fresh, std::span<const double> products,
+             std::span<const double> gram) {
+    const std::size_t K = state_.mixtures;
+    const std::size_t columns = request_.clusters * rank_;
+    const auto members = std::span(state_.mixing.members).subspan(i * K, K);
+    std::sort(members.begin(), members.end());
+    Sizes known;
+    for (const std::uint32_t c : members) {
+      for (std::size_t r = 0; r < rank_ && !fresh[c]; ++r) known.push_back(c * rank_ + r);
+    }
+    std::vector<double> G;
+    std::vector<double> a;
+    for (const std::size_t p : known) {
+      a.push_back(products[i * columns + p]);
+      for (const std::size_t q : known) G.push_back(gram[p * columns + q]);
+    }
+    const std::vector<double> u = reference::solve_mixing(known.size(), G, a);
+    auto to = state_.mixing.coefficients.begin() + static_cast<std::ptrdiff_t>(i * K * rank_);
+    std::size_t from = 0;
+    for (const std::uint32_t c : members) {
+      for (std::size_t r = 0; r < rank_; ++r) *to++ = fresh[c] ? 0.0 : u[from++];
+    }
+  }
+
+  // The rows of a cluster from its core and bases.
+  void expand(std::size_t c) {
+    const Cluster& cluster = state_.clusters[c];
+    std::vector<RowProduct> steps;
+    Sizes sizes(shape_.ranks.begin() + 1, shape_.ranks.end());
+    // the last mode first: what is in front of it is still short
+    for (std::size_t a = shape_.sizes.size(); a-- > 1;) {
+      if (!shape_.local(a)) continue;
+      steps.push_back({a - 1, ops::ModeProduct::expand, shape_.sizes[a], cluster.U[a]});
+    }
+    multiply_modes(device_, sizes, row_list(cluster.Z, rank_, shape_.core_row()), steps,
+                   B_.data() + c * rank_ * row_);
+  }
+
+  // The update stage, (20)-(22); `fresh` clusters have no bases yet.
+  void update(std::vector<bool> fresh) {
+    const StageTimer timer(job_, "update stage");
+    const std::size_t K = state_.mixtures;
+    KctaMixing& mixing = state_.mixing;
+    const auto lists = slices_of_clusters(request_.clusters, K, mixing.members);
+    for (std::size_t c = 0; c < request_.clusters; ++c) {
+      check_interrupt();
+      const std::vector<std::size_t>& list = lists[c];
+      // places of c among each slice's clusters
+      Sizes places;
+      for (const std::size_t i : list) {
+        const auto first = mixing.members.begin() + static_cast<std::ptrdiff_t>(i * K);
+        places.push_back(static_cast<std::size_t>(
+            std::find(first, first + static_cast<std::ptrdiff_t>(K), c) - first));
+      }
+      const RowList residual = residual_of(c, list, fresh);
+      const std::vector<float> U_m = decompose(c, list, places, residual, fresh[c]);
+      fresh[c] = false;
+      expand(c);
+      set_rows(c, list, places, residual, U_m);
+    }
+  }
+
+  // R'_c, eq. (20): the slices of a cluster less what their other clusters make of them; the slices
+  // themselves where there are none.
+  RowList residual_of(std::size_t c, const std::vector<std::size_t>& list,
+                      const std::vector<bool>& fresh) {
+    const std::size_t K = state_.mixtures;
+    const KctaMixing& mixing = state_.mixing;
+    std::vector<std::size_t> others;
+    for (const std::size_t i : list) {
+      for (std::size_t k = 0; k < K; ++k) {
+        const std::uint32_t j = mixing.members[i * K + k];
+        if (j != c && !fresh[j]) others.push_back(j);
+      }
+    }
+    std::sort(others.begin(), others.end());
+    others.erase(std::unique(others.begin(), others.end()), others.end());
+    const RowList mine = picked(slices_, list);
+    if (others.empty()) return mine;
+    RowList rows;
+    for (const std::size_t j : others) {
+      const RowList more = rows_of(j);
+      rows.insert(rows.end(), more.begin(), more.end());
+    }
+    std::vector<float> M(list.size() * rows.size(), 0.0f);
+    for (std::size_t s = 0; s < list.size(); ++s) {
+      for (std::size_t k = 0; k < K; ++k) {
+        const std::size_t at = list[s] * K + k;
+        const auto found = std::find(others.begin(), others.end(), mixing.members[at]);
+        if (found == others.end()) continue;
+        const auto column = static_cast<std::size_t>(found - others.begin()) * rank_;
+        for (std::size_t r = 0; r < rank_; ++r) {
+          M[s * rows.size() + column + r] =
+              -static_cast<float>(mixing.coefficients[at * rank_ + r]);
+        }
+      }
+    }
+    // memory that was used before is faster than new
+    if (residual_.size() < list.size() * row_) {
+      residual_ = FloatStore();
+      residual_ = FloatStore(list.size() * row_, place_);
+    }
+    combine_rows(device_, row_, mine, M, rows, residual_.data());
+    job_.stage("update stage").flops +=
+        2 * static_cast<double>(M.size()) * static_cast<double>(row_);
+    residual_.release();
+    B_.release();
+    return row_list(std::span<const float>(residual_), list.size(), row_);
+  }
+
+  // The N-mode SVD of a cluster's slices (section 4.3) by alternating least squares, from the
+  // mixing matrix and bases that it has, or from none; returns U_m, [slices][least of those and
+  // R_m].
+  std::vector<float> decompose(std::size_t c, const std::vector<std::size_t>& list,
+                               const Sizes& places, const RowList& slices, bool cold) {
+    const std::size_t count = list.size();
+    const std::size_t rank = std::min(rank_, count);
+    Cluster& cluster = state_.clusters[c];
+    std::vector<float> U_m;
+    HeldTensor W;
+    if (cold) {
+      cluster.U.assign(shape_.sizes.size(), {});
+      U_m = leading(count, row_products(device_, row_, slices, slices), rank);
+      W = onto_rows(slices, U_m, count, rank);
+      HeldTensor T = W;
+      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+        if (shape_.local(a)) project_onto_leading(T, a, cluster.U[a]);
+      }
+    } else {
+      U_m = orthonormal_rows(list, places);
+    }
+    for (std::size_t s = 0; s < (cold ? cold_sweeps : warm_sweeps); ++s) {
+      if (s > 0 || !cold) W = onto_rows(slices, U_m, count, rank);
+      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+        if (!shape_.local(a)) continue;
+        HeldTensor T = W;
+        for (std::size_t b = 1; b < shape_.sizes.size(); ++b) {
+          if (b != a && shape_.local(b)) project(T, b, cluster.U[b]);
+        }
+        project_onto_leading(T, a, cluster.U[a], false);
+      }
+      U_m = decompose_slices(cluster, slices, rank);
+    }
+    cluster.Z.resize(product(shape_.ranks), 0.0f);  // fewer slices than ranks
+    return U_m;
+  }
+
+  // U'_m,c of section 4.2.3: the left singular vectors of a mixing matrix's rows.
+  std::vector<float> orthonormal_rows(const std::vector<std::size_t>& list,
+                                      const Sizes& places) const {
+    std::vector<double> rows;
+    for (std::size_t s = 0; s < list.size(); ++s) {
+      const auto first =
+          state_.mixing.coefficients.begin() +
+          static_cast<std::ptrdiff_t>((list[s] * state_.mixtures + places[s]) * rank_);
+      rows.insert(rows.end(), first, first + static_cast<std::ptrdiff_t>(rank_));
+    }
+    const std::vector<double> U = reference::thin_svd(list.size(), rank_, rows).U;
+    return {U.begin(), U.end()};
+  }
+
+  // slices x_m U_m^T
+  HeldTensor onto_rows(const RowList& slices, const std::vector<float>& U_m, std::size_t count,
+                       std::size_t rank) {
+    Sizes sizes = shape_.sizes;
+    sizes[0] = rank;
+    HeldTensor W(std::move(sizes), FloatStore::Place::memory);
+    combine_rows(device_, row_, {}, transposed(count, rank, U_m), slices, W.values.data());
+    job_.stage("update stage").flops += 2 * static_cast<double>(rank * count * row_);
+    return W;
+  }
+
+  void project(HeldTensor& T, std::size_t axis, const std::vector<float>& U) {
+    job_.stage("update stage").flops +=
+        2 * static_cast<double>(T.values.size() * shape_.ranks[axis]);
+    T.project(device_, axis, shape_.ranks[axis], U);
+  }
+
+  // The basis of a mode of T, and T projected onto it.
+  void project_onto_leading(HeldTensor& T, std::size_t axis, std::vector<float>& U,
+                            bool projects = true) {
+    job_.stage("update stage").flops +=
+        static_cast<double>(T.values.size() * (shape_.sizes[axis] + 1));
+    U = leading(shape_.sizes[axis], T.gram(device_, axis, Arithmetic::f32), shape_.ranks[axis]);
+    if (projects) project(T, axis, U);
+  }
+
+  // The slices projected onto the bases of the other modes, their mixing matrix and the core.
+  std::vector<float> decompose_slices(Cluster& cluster, const RowList& slices, std::size_t rank) {
+    std::vector<RowProduct> steps;
+    for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+      if (!shape_.local(a)) continue;
+      steps.push_back({a - 1, ops::ModeProduct::project, shape_.ranks[a], cluster.U[a]});
+    }
+    const std::size_t length = shape_.core_row();
+    RowList onto = slices;
+    if (!steps.empty()) {
+      if (P_.size() < slices.size() * length) P_.resize(slices.size() * length);
+      const Sizes sizes(shape_.sizes.begin() + 1, shape_.sizes.end());
+      multiply_modes(device_, sizes, slices, steps, P_.data());
+      onto = row_list(P_, slices.size(), length);
+    }
+    std::vector<float> U_m =
+        leading(slices.size(), row_products(device_, length, onto, onto), rank);
+    cluster.Z.assign(rank * length, 0.0f);
+    combine_rows(device_, length, {}, transposed(slices.size(), rank, U_m), onto, cluster.Z.data());
+    return U_m;
+  }
+
+  // The rows of a mixing matrix in their places, and errors of slices whose last cluster it is.
+  void set_rows(std::size_t c, const std::vector<std::size_t>& list, const Sizes& places,
+                const RowList& residual, std::span<const float> U_m) {
+    KctaMixing& mixing = state_.mixing;
+    const std::size_t K = state_.mixtures;
+    const std::size_t rank = U_m.size() / list.size();
+    std::vector<std::size_t> last;
+    std::vector<float> M;
+    for (std::size_t s = 0; s < list.size(); ++s) {
+      const std::size_t at = (list[s] * K + places[s]) * rank_;
+      for (std::size_t r = 0; r < rank_; ++r) {
+        mixing.coefficients[at + r] = r < rank ? double{U_m[s * rank + r]} : 0.0;
+      }
+      if (places[s] + 1 < K) continue;
+      last.push_back(s);
+      for (std::size_t r = 0; r < rank_; ++r) {
+        M.push_back(-static_cast<float>(mixing.coefficients[at + r]));
+      }
+    }
+    if (last.empty()) return;
+    const std::vector<double> errors =
+        combined_squares(device_, row_, picked(residual, last), M, rows_of(c));
+    for (std::size_t s = 0; s < last.size(); ++s) mixing.errors[list[last[s]]] = errors[s];
+  }
+
+  void make_model() {
+    fit_.model = std::make_unique<KctaModel>();
+    KctaModel& model = *fit_.model;
+    model.set_groups(request_.groups, request_.mode);
+    model.clusters = request_.clusters;
+    model.ranks = request_.ranks;
+    model.global = std::move(global_);
+    const float inverse = 1 / scale_;
+    for (const Cluster& cluster : state_.clusters) {
+      for (const float value : cluster.Z) {
+        // in two steps where the scale's inverse is no normal float
+        model.cores.push_back(std::isnormal(inverse)
+                                  ? value * inverse
+                                  : static_cast<float>(double{value} / double{scale_}));
+      }
+      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+        std::vector<float>& local = model.local[shape_.groups[a]];
+        local.insert(local.end(), cluster.U[a].begin(), cluster.U[a].end());
+      }
+    }
+    const std::vector<double>& u = state_.mixing.coefficients;
+    set_mixing(model, request_.mixtures, state_.mixtures, state_.mixing.members,
+               std::vector<float>(u.begin(), u.end()));
+    const double unit = 1 / (double{scale_} * double{scale_});
+    for (double& error : fit_.errors.history) error *= unit;
+  }
+
+  Device& device_;
+  TileSource& source_;
+  const KctaRequest& request_;
+  Job& job_;
+  SliceShape shape_;
+  std::size_t row_;   // values of a slice
+  std::size_t rank_;  // R_m
+  std::vector<std::vector<float>> global_;
+  float scale_ = 1;
+  FloatStore A_, B_;
+  FloatStore::Place place_ = FloatStore::Place::memory;
+  RowList slices_;
+  FloatStore residual_;          // R'_c of the cluster that is updated
+  std::vector<float> P_;         // its slices projected onto the other modes
+  std::vector<double> squares_;  // of slices
+  State state_;
+  KctaFit fit_;
+};
+
+// A^-1/2 of an n x n Gram matrix, 0 where its eigenvalues count as 0.
+std::vector<double> inverse_root(std::size_t n, std::span<const double> gram) {
+  const reference::SymmetricEigen eigen = reference::symmetric_eigen(n, gram);
+  const double least = mixing_cutoff * std::max(0.0, eigen.values[0]);
+  std::vector<double> root(n * n, 0.0);
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!(eigen.values[k] > least)) continue;
+    const double scale = 1 / std::sqrt(eigen.values[k]);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        root[i * n + j] += scale * eigen.vectors[i * n + k] * eigen.vectors[j * n + k];
+      }
+    }
+  }
+  return root;
+}
+
+}  // namespace
+
+KctaMixing mix_by_products(std::size_t clusters, std::size_t mixtures,
+                           std::span<const double> products, std::span<const double> gram,
+                           std::span<const double> squares) {
+  const std::size_t slices = squares.size();
+  const std::size_t columns = products.size() / slices;
+  const std::size_t R = columns / clusters;
+  std::vector<std::vector<double>> roots;
+  for (std::size_t c = 0; c < clusters; ++c) {
+    std::vector<double> block;
+    for (std::size_t r = 0; r < R; ++r) {
+      const auto row = gram.subspan((c * R + r) * columns + c * R, R);
+      block.insert(block.end(), row.begin(), row.end());
+    }
+    roots.push_back(inverse_root(R, block));
+  }
+
+  KctaMixing mixing;
+  mixing.members.resize(slices * mixtures);
+  mixing.coefficients.resize(slices * mixtures * R);
+  mixing.errors.resize(slices);
+  std::vector<double> left(R);
+  for (std::size_t i = 0; i < slices; ++i) {
+    const auto a = products.subspan(i * columns, columns);
+    std::vector<std::size_t> chosen;
+    std::vector<std::size_t> rows;  // of B, those of the chosen
+    std::vector<double> u;
+    double explained = 0;
+    for (std::size_t k = 0; k < mixtures; ++k) {
+      // greedy search: (9), (13)
+      std::size_t best = clusters;
+      double largest = 0;
+      for (std::size_t c = 0; c < clusters; ++c) {
+        if (std::find(chosen.begin(), chosen.end(), c) != chosen.end()) continue;
+        for (std::size_t r = 0; r < R; ++r) {
+          left[r] = a[c * R + r];
+          for (std::size_t p = 0; p < rows.size(); ++p) {
+            left[r] -= u[p] * gram[rows[p] * columns + c * R + r];
+          }
+        }
+        double found = 0;
+        for (std::size_t r = 0; r < R; ++r) {
+          double sum = 0;
+          for (std::size_t s = 0; s < R; ++s) sum += left[s] * roots[c][s * R + r];
+          found += sum * sum;
+        }
+        if (best == clusters || found > largest) {
+          best = c;
+          largest = found;
+        }
+      }
+      // optimal projection: (15)-(18)
+      chosen.push_back(best);
+      for (std::size_t r = 0; r < R; ++r) rows.push_back(best * R + r);
+      std::vector<double> G;
+      std::vector<double> right;
+      for (const std::size_t p : rows) {
+        right.push_back(a[p]);
+        for (const std::size_t q : rows) G.push_back(gram[p * columns + q]);
+      }
+      u = reference::solve_mixing(rows.size(), G, right);
+      explained = std::inner_product(u.begin(), u.end(), right.begin(), 0.0);
+    }
+    mixing.errors[i] = std::max(0.0, squares[i] - explained);
+    std::vector<std::size_t> order(mixtures);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t p, std::size_t q) { return chosen[p] < chosen[q]; });
+    for (std::size_t k = 0; k < mixtures; ++k) {
+      mixing.members[i * mixtures + k] = static_cast<std::uint32_t>(chosen[order[k]]);
+      std::copy_n(
+          u.begin() + static_cast<std::ptrdiff_t>(order[k] * R), R,
+          mixing.coefficients.begin() + static_cast<std::ptrdiff_t>((i * mixtures + k) * R));
+    }
+  }
+  return mixing;
+}
+
+MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& request,
+                     const Job& job) {
+  const TuckerOptions global = global_options(request);
+  const MemoryPlan streaming = plan_tucker(device, source, global, job);
+  const SliceShape shape(request);
+  MemoryPlan plan = working_plan(device, request, shape);
+  const std::size_t slices = shape.slices() * shape.row() * sizeof(float);
+  std::size_t others = plan.total();
+  for (const MemoryItem& item : job.held) others += item.bytes;
+  // where they do not fit they are held in files
+  if (place_of_held(device, source, global, job, slices) == FloatStore::Place::memory) {
+    plan.add("slices", slices);
+    others += slices;
+  }
+  const std::size_t beside = held_beside(request, shape);
+  if (others + beside <= job.memory) plan.add("slices of clusters", beside);
+  // the bases of all clusters come first, and give back what they take
+  return streaming.total() > plan.total() ? streaming : plan;
+}
+
+KctaFit fit_kcta(Device& device, TileSource& source, const KctaRequest& request, Job& job) {
+  return Fitter(device, source, request, job).run();
+}
+
+}  // namespace weft

@@ -1,0 +1,155 @@
+#include "weft/codecs/kcta_options.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <span>
+#include <string>
+
+#include "weft/codecs/rank_options.hpp"
+#include "weft/error.hpp"
+#include "weft/model/tucker_ranks.hpp"
+
+namespace weft {
+namespace {
+
+constexpr std::size_t default_clusters = 8;
+constexpr std::size_t default_mixtures = 3;
+constexpr std::size_t default_slice_rank = 4;  // as the paper has it
+constexpr std::size_t default_rank = 32;
+
+KctaStart start_from(std::string_view text) {
+  for (const KctaStart start : {KctaStart::directions, KctaStart::slices, KctaStart::random}) {
+    if (text == name_of(start)) return start;
+  }
+  fail_input("--init {}: directions, slices or random is needed", text);
+}
+
+// Which groups have one basis for all clusters.
+std::vector<std::uint8_t> global_modes(const KctaRequest& request, std::string_view text) {
+  std::vector<std::uint8_t> global(request.groups.count(), 0);
+  const std::string option = fmt::format("--global {}", text);
+  if (text.empty()) global[request.groups.group_of(Mode::light)] = 1;
+  if (text.empty() || text == "none") return global;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    const std::size_t n = request.groups.find(text.substr(at, end - at), option);
+    const std::string& name = request.groups.groups()[n].name;
+    if (n == request.mode) fail_input("{}: mode {} is that of the clusters", option, name);
+    if (global[n] != 0) fail_input("{}: mode {} is named twice", option, name);
+    global[n] = 1;
+    at = end + 1;
+  }
+  return global;
+}
+
+// Groups, the clustered mode and global ones: what the others are counted in.
+KctaRequest modes_of(const Codec& codec, const Parameters& parameters, const BtfInfo& source) {
+  KctaRequest request;
+  const std::string_view merge = value_of(codec, parameters, "merge");
+  request.groups = ModeGroups(source.shape, merge == "none" ? std::string_view() : merge);
+  const std::string_view mode = value_of(codec, parameters, "mode");
+  request.mode = request.groups.find(mode, fmt::format("--mode {}", mode));
+  request.global_mode = global_modes(request, value_of(codec, parameters, "global"));
+  request.ranks = named_ranks(request.groups, value_of(codec, parameters, "ranks"));
+  return request;
+}
+
+// 0 without one.
+double threshold_of(const Codec& codec, const Parameters& parameters) {
+  const std::string text(value_of(codec, parameters, "threshold"));
+  if (text.empty()) return 0;
+  double value = 0;
+  const auto [stop, status] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (status != std::errc() || stop != text.data() + text.size() || !(value > 0 && value < 1)) {
+    fail_input("--threshold {}: a number between 0 and 1 is needed", text);
+  }
+  return value;
+}
+
+std::size_t chosen_rank(std::span<const double> spectrum, double threshold, std::size_t align,
+                        std::size_t size) {
+  if (spectrum.empty()) return size;
+  const std::size_t rank = rank_within(spectrum, threshold * threshold * tail(spectrum, 0));
+  return std::min((rank + align - 1) / align * align, size);
+}
+
+}  // namespace
+
+std::vector<std::size_t> modes_to_choose(const Codec& codec, const Parameters& parameters,
+                                         const BtfInfo& source) {
+  const KctaRequest request = modes_of(codec, parameters, source);
+  std::vector<std::size_t> modes;
+  if (threshold_of(codec, parameters) == 0) return modes;
+  for (std::size_t n = 0; n < request.groups.count(); ++n) {
+    const ModeGroup& group = request.groups.groups()[n];
+    const bool asked = n == request.mode ? !parameters.contains("clusters")
+                                         : request.ranks[n] == 0 && !parameters.contains("rank");
+    if (!asked || group.size == 1) continue;
+    if (group.size > longest_kcta_mode) {
+      fail_input("--threshold {}: mode {} of size {} is too long to choose its rank, at most {}",
+                 parameters.at("threshold"), group.name, group.size, longest_kcta_mode);
+    }
+    modes.push_back(n);
+  }
+  return modes;
+}
+
+KctaRequest kcta_options(const Codec& codec, const Parameters& parameters, const BtfInfo& source,
+                         const ModeSpectra& spectra) {
+  KctaRequest request = modes_of(codec, parameters, source);
+  request.start = start_from(value_of(codec, parameters, "init"));
+  request.iterations = count_parameter(codec, parameters, "iterations", 0);
+  const double threshold = threshold_of(codec, parameters);
+  const std::size_t align = count_parameter(codec, parameters, "align", 1);
+  const auto chosen = [&](std::size_t n) {
+    return chosen_rank(spectra.empty() ? std::span<const double>() : std::span(spectra[n]),
+                       threshold, align, request.groups.groups()[n].size);
+  };
+
+  // ranks
+  std::size_t others = 0;
+  if (parameters.contains("rank")) others = count_parameter(codec, parameters, "rank", 1);
+  for (std::size_t n = 0; n < request.ranks.size(); ++n) {
+    const ModeGroup& group = request.groups.groups()[n];
+    if (request.ranks[n] == 0) {
+      const std::size_t rank = n == request.mode ? default_slice_rank
+                               : threshold > 0   ? chosen(n)
+                                                 : default_rank;
+      request.ranks[n] = std::min(others > 0 ? others : rank, group.size);
+    }
+    const bool local = request.cuts(n) && request.global_mode[n] == 0;
+    if ((local || n == request.mode) && group.size > longest_kcta_mode) {
+      fail_input(
+          "--{}: mode {} of size {} is too long for {}, at most {}",
+          n == request.mode ? "mode" : "ranks", group.name, group.size,
+          n == request.mode ? "clusters" : "bases of each cluster; give it a global one or none",
+          longest_kcta_mode);
+    }
+  }
+
+  // clusters
+  const ModeGroup& clustered = request.groups.groups()[request.mode];
+  const std::size_t rank = request.ranks[request.mode];
+  request.clusters = std::min(
+      threshold > 0 ? (chosen(request.mode) + rank - 1) / rank : default_clusters, clustered.size);
+  if (parameters.contains("clusters")) {
+    request.clusters = count_parameter(codec, parameters, "clusters", 1);
+    if (request.clusters > clustered.size) {
+      fail_input("--clusters {}: mode {} has {} slices", request.clusters, clustered.name,
+                 clustered.size);
+    }
+  }
+  const auto specs = codec.parameters();
+  const bool mixes = std::any_of(specs.begin(), specs.end(),
+                                 [](const ParameterSpec& spec) { return spec.name == "mixtures"; });
+  if (mixes) request.mixtures = std::min(default_mixtures, request.clusters);
+  if (mixes && parameters.contains("mixtures")) {
+    request.mixtures = count_parameter(codec, parameters, "mixtures", 1);
+    if (request.mixtures > request.clusters) {
+      fail_input("--mixtures {}: there are {} clusters", request.mixtures, request.clusters);
+    }
+  }
+  return request;
+}
+
+}  // namespace weft

@@ -1,0 +1,591 @@
+#include "weft/reference/kcta.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "weft/error.hpp"
+#include "weft/reference/factorise.hpp"
+#include "weft/reference/mode_product.hpp"
+#include "weft/reference/tile.hpp"
+#include "weft/reference/tucker.hpp"
+#include "weft/tensor/permute.hpp"
+#include "weft/tensor/sizes.hpp"
+
+namespace weft {
+
+void set_mixing(KctaModel& model, std::size_t mixtures, std::size_t given,
+                std::span<const std::uint32_t> members, std::span<const float> coefficients) {
+  const std::size_t rank = model.ranks[model.mode];
+  std::vector<std::uint32_t> numbers;
+  model.mixtures = mixtures;
+  model.mixing.clear();
+  for (std::size_t i = 0; i < model.slices(); ++i) {
+    const auto own = members.subspan(i * given, given);
+    std::vector<std::uint32_t> all(own.begin(), own.end());
+    for (std::uint32_t c = 0; all.size() < mixtures; ++c) {
+      if (std::find(own.begin(), own.end(), c) == own.end()) all.push_back(c);
+    }
+    std::sort(all.begin(), all.end());
+    for (const std::uint32_t c : all) {
+      numbers.push_back(c);
+      const auto found = std::find(own.begin(), own.end(), c);
+      for (std::size_t r = 0; r < rank; ++r) {
+        const auto k = static_cast<std::size_t>(found - own.begin());
+        model.mixing.push_back(found == own.end() ? 0.0f
+                                                  : coefficients[(i * given + k) * rank + r]);
+      }
+    }
+  }
+  model.members = IndexTensor(numbers, model.clusters);
+}
+
+namespace reference {
+namespace {
+
+using Sizes = std::vector<std::size_t>;
+using Values = std::vector<double>;
+
+double squares_of(std::span<const double> values) {
+  return std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
+}
+
+std::span<const double> row_of(std::span<const double> matrix, std::size_t row,
+                               std::size_t columns) {
+  return matrix.subspan(row * columns, columns);
+}
+
+// A B^T of row-major matrices [a][length] and [b][length].
+Values products(std::size_t length, std::span<const double> A, std::span<const double> B) {
+  const Sizes sizes{A.size() / length, length};
+  return mode_product(sizes, 1, A, B.size() / length, B);
+}
+
+// A B of row-major matrices [a][n] and [n][b].
+Values product_of(std::size_t n, std::span<const double> A, std::span<const double> B) {
+  const Sizes sizes{n, B.size() / n};
+  return mode_product(sizes, 0, B, A.size() / n, A);
+}
+
+// The leading `rank` columns of eigenvectors, [n][rank].
+Values leading(std::size_t n, std::span<const double> gram, std::size_t rank) {
+  const SymmetricEigen eigen = symmetric_eigen(n, gram);
+  Values U(n * rank);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = 0; j < rank; ++j) U[i * rank + j] = eigen.vectors[i * n + j];
+  }
+  return U;
+}
+
+// Powers of the positive eigenvalues of a Gram matrix, 0 for those that count as 0: its
+// Moore-Penrose inverse with -1, and the root of that with -1/2.
+Values power(std::size_t n, std::span<const double> gram, double exponent) {
+  const SymmetricEigen eigen = symmetric_eigen(n, gram);
+  const double least = mixing_cutoff * std::max(0.0, eigen.values[0]);
+  Values result(n * n, 0.0);
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!(eigen.values[k] > least)) continue;
+    const double scaled = std::pow(eigen.values[k], exponent);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        result[i * n + j] += scaled * eigen.vectors[i * n + k] * eigen.vectors[j * n + k];
+      }
+    }
+  }
+  return result;
+}
+
+// T, with the clustered mode first, projected onto a cluster's bases but for one mode: (10).
+Values projected(Sizes& sizes, std::span<const double> T, std::span<const Values> U,
+                 std::size_t but = 0) {
+  Values values(T.begin(), T.end());
+  for (std::size_t n = 1; n < sizes.size(); ++n) {
+    if (n == but || U[n - 1].empty()) continue;
+    const std::size_t rank = U[n - 1].size() / sizes[n];
+    values = mode_product(sizes, n, values, rank, transposed(sizes[n], rank, U[n - 1]));
+    sizes[n] = rank;
+  }
+  return values;
+}
+
+// The N-mode SVD of the slices of a cluster (section 4.3), from the mixing matrix and bases that it
+// has, or from none.
+struct Decomposition {
+  Sizes sizes;         // of the slices, [members][I_n ...]
+  const Sizes& ranks;  // [R_m][R_n ...]
+  const Values& slices;
+  std::vector<Values> U;  // of the modes behind the first
+  Values U_m;             // [members][rank]
+  std::size_t rank;       // R_m, or the members if they are fewer
+  Values Z;               // [rank][R_n ...]
+
+  Decomposition(Sizes tensor_sizes, const Sizes& core_ranks, const Values& values)
+      : sizes(std::move(tensor_sizes)),
+        ranks(core_ranks),
+        slices(values),
+        U(sizes.size() - 1),
+        rank(std::min(core_ranks[0], sizes[0])) {}
+
+  bool cuts(std::size_t n) const { return ranks[n] < sizes[n]; }
+
+  // mode by mode, of the tensor as projected so far
+  void begin() {
+    U_m = leading(sizes[0], mode_gram(sizes, 0, slices), rank);
+    Sizes left = sizes;
+    Values T = mode_product(left, 0, slices, rank, transposed(sizes[0], rank, U_m));
+    left[0] = rank;
+    for (std::size_t n = 1; n < sizes.size(); ++n) {
+      if (!cuts(n)) continue;
+      U[n - 1] = leading(left[n], mode_gram(left, n, T), ranks[n]);
+      T = mode_product(left, n, T, ranks[n], transposed(left[n], ranks[n], U[n - 1]));
+      left[n] = ranks[n];
+    }
+  }
+
+  // alternating least squares: each basis of the tensor projected onto all others
+  void sweep() {
+    Sizes of_rank = sizes;
+    of_rank[0] = rank;
+    const Values W = mode_product(sizes, 0, slices, rank, transposed(sizes[0], rank, U_m));
+    for (std::size_t n = 1; n < sizes.size(); ++n) {
+      if (!cuts(n)) continue;
+      Sizes left = of_rank;
+      const Values T = projected(left, W, U, n);
+      U[n - 1] = leading(left[n], mode_gram(left, n, T), ranks[n]);
+    }
+    Sizes left = sizes;
+    const Values P = projected(left, slices, U);
+    U_m = leading(sizes[0], mode_gram(left, 0, P), rank);
+    Z = mode_product(left, 0, P, rank, transposed(sizes[0], rank, U_m));
+  }
+};
+
+// All values of a source, in the order of the groups.
+Values read_tensor(TileSource& source, const ModeGroups& groups, Job& job) {
+  const BtfShape& shape = source.info().shape;
+  const StageTimer timer(job, "read", 0, static_cast<double>(source.info().bytes()));
+  Values D(shape.values());
+  for (std::size_t i = 0; i < shape.images(); ++i) {
+    check_interrupt();
+    read_tile(source, i, 1, job.nan_zero,
+              std::span(D).subspan(i * shape.image_values(), shape.image_values()));
+  }
+  if (!groups.channels_first()) return D;
+  const Sizes stored{shape.images(), shape.texels(), shape.channels};
+  return permuted<double>(D, stored, Sizes{0, 2, 1});
+}
+
+// Clusters, and the slices in them.
+struct State {
+  std::vector<KctaCluster> clusters;
+  std::size_t mixtures = 1;
+  KctaMixing mixing;
+
+  double error() const { return std::accumulate(mixing.errors.begin(), mixing.errors.end(), 0.0); }
+  double core_norms() const {
+    double sum = 0;
+    for (const KctaCluster& cluster : clusters) sum += std::sqrt(squares_of(cluster.Z));
+    return sum;
+  }
+};
+
+class Encoder {
+ public:
+  Encoder(TileSource& source, const KctaRequest& request, Job& job)
+      : request_(request), job_(job), info_(source.info()) {
+    MemoryPlan plan;
+    plan.add("tensor", 6 * info_.shape.values() * sizeof(double));
+    job.plan(plan);
+    D_ = read_tensor(source, request.groups, job);
+    const StageTimer timer(job, "factorise");
+    sizes_ = request.groups.sizes();
+    fit_.errors.squares = squares_of(D_);
+    project_global();
+    put_first();
+  }
+
+  KctaFit run() {
+    const StageTimer timer(job_, "factorise");
+    start();
+    // a pass of hard clustering before those of soft clustering (section 5.1)
+    if (request_.mixtures > 1) iterate(1);
+    for (std::size_t i = 0; i < request_.iterations; ++i) {
+      const double before = state_.core_norms();
+      const bool better = iterate(request_.mixtures);
+      job_.advance("iteration", i + 1, request_.iterations);
+      fit_.errors.restored = !better;
+      const double norms = state_.core_norms();
+      if (!better || std::abs(norms - before) <= request_.least_change * norms) break;
+    }
+    make_model();
+    return std::move(fit_);
+  }
+
+ private:
+  // A_G, eq. (23)
+  void project_global() {
+    global_.resize(sizes_.size());
+    Sizes modes;
+    for (std::size_t n = 0; n < sizes_.size(); ++n) {
+      if (request_.cuts(n) && request_.global_mode[n] != 0) modes.push_back(n);
+    }
+    for (const std::size_t n : cheapest_cuts(sizes_, request_.ranks, modes)) {
+      const std::size_t rank = request_.ranks[n];
+      global_[n] = leading(sizes_[n], mode_gram(sizes_, n, D_), rank);
+      D_ = mode_product(sizes_, n, D_, rank, transposed(sizes_[n], rank, global_[n]));
+      sizes_[n] = rank;
+    }
+    fit_.errors.lost = std::max(0.0, fit_.errors.squares - squares_of(D_));
+  }
+
+  // The clustered mode before the others.
+  void put_first() {
+    Sizes axes{request_.mode};
+    for (std::size_t n = 0; n < sizes_.size(); ++n) {
+      if (n != request_.mode) axes.push_back(n);
+    }
+    D_ = permuted<double>(D_, sizes_, axes);
+    Sizes turned;
+    for (const std::size_t n : axes) turned.push_back(sizes_[n]);
+    sizes_ = turned;
+    ranks_ = turned;
+    ranks_[0] = request_.ranks[request_.mode];
+    for (std::size_t a = 1; a < axes.size(); ++a) {
+      if (request_.cuts(axes[a])) ranks_[a] = request_.ranks[axes[a]];
+    }
+    row_ = D_.size() / sizes_[0];
+  }
+
+  std::span<const double> slice(std::size_t i) const { return row_of(D_, i, row_); }
+
+  void start() {
+    const std::size_t slices = sizes_[0];
+    std::vector<std::uint32_t>& members = state_.mixing.members;
+    if (request_.start == KctaStart::directions) {
+      members = cluster_points(slice_parameters(info_, request_.groups, request_.mode),
+                               request_.clusters);
+    } else if (request_.start == KctaStart::slices) {
+      members = cluster_points(
+          leading_subspace(slices, mode_gram(sizes_, 0, D_), request_.clusters * ranks_[0]),
+          request_.clusters, job_.seed);
+    } else {
+      members = deal_slices(slices, request_.clusters, job_.seed);
+    }
+    state_.clusters.resize(request_.clusters);
+    state_.mixing.coefficients.assign(slices * ranks_[0], 0.0);
+    state_.mixing.errors.assign(slices, 0.0);
+    update(std::vector<bool>(request_.clusters, true));
+    fit_.errors.history.push_back(state_.error());
+  }
+
+  // Both stages; false where the error grew, and what was before is restored.
+  bool iterate(std::size_t mixtures) {
+    check_interrupt();
+    const State before = state_;
+    state_.mixtures = mixtures;
+    state_.mixing = mix_slices(sizes_, D_, state_.clusters, mixtures);
+    std::vector<bool> fresh(request_.clusters, false);
+    for (const SliceMove& move : fill_empty_clusters(request_.clusters, mixtures,
+                                                     state_.mixing.members, state_.mixing.errors)) {
+      fresh[move.to] = true;
+      refit(move.slice, fresh);
+    }
+    update(fresh);
+    const bool better = state_.error() <= before.error();
+    if (!better) state_ = before;
+    fit_.errors.history.push_back(state_.error());
+    return better;
+  }
+
+  // Coefficients of a slice for those of its clusters that have a core, its clusters put in order.
+  void refit(std::size_t i, const std::vector<bool>& fresh) {
+    const std::size_t R = ranks_[0];
+    const auto members =
+        std::span(state_.mixing.members).subspan(i * state_.mixtures, state_.mixtures);
+    std::sort(members.begin(), members.end());
+    Values B;
+    for (const std::uint32_t c : members) {
+      if (fresh[c]) continue;
+      const Values rows = state_.clusters[c].rows();
+      B.insert(B.end(), rows.begin(), rows.end());
+    }
+    const std::size_t count = B.size() / row_;
+    const Values u = solve_mixing(count, products(row_, B, B), products(row_, slice(i), B));
+    double* to = state_.mixing.coefficients.data() + i * state_.mixtures * R;
+    std::size_t from = 0;
+    for (const std::uint32_t c : members) {
+      for (std::size_t r = 0; r < R; ++r) *to++ = fresh[c] ? 0.0 : u[from++];
+    }
+  }
+
+  // The update stage, (20)-(22); `fresh` clusters have no bases yet.
+  void update(const std::vector<bool>& fresh) {
+    const std::size_t R = ranks_[0];
+    const std::size_t K = state_.mixtures;
+    KctaMixing& mixing = state_.mixing;
+    const auto lists = slices_of_clusters(request_.clusters, K, mixing.members);
+    std::vector<Values> rows(request_.clusters);
+    for (std::size_t c = 0; c < request_.clusters; ++c) {
+      if (!fresh[c]) rows[c] = state_.clusters[c].rows();
+    }
+    const auto coefficients = [&](std::size_t i, std::size_t k) {
+      return std::span(mixing.coefficients).subspan((i * K + k) * R, R);
+    };
+    const auto place = [&](std::size_t i, std::size_t c) {
+      const auto first = mixing.members.begin() + static_cast<std::ptrdiff_t>(i * K);
+      return static_cast<std::size_t>(std::find(first, first + static_cast<std::ptrdiff_t>(K), c) -
+                                      first);
+    };
+    for (std::size_t c = 0; c < request_.clusters; ++c) {
+      // R'_c, and the rows of the mixing matrix
+      Values residual;
+      Values mine;
+      for (const std::size_t i : lists[c]) {
+        Values left(slice(i).begin(), slice(i).end());
+        for (std::size_t k = 0; k < K; ++k) {
+          const std::uint32_t j = mixing.members[i * K + k];
+          if (j == c || rows[j].empty()) continue;
+          const Values made = product_of(R, coefficients(i, k), rows[j]);
+          for (std::size_t p = 0; p < row_; ++p) left[p] -= made[p];
+        }
+        residual.insert(residual.end(), left.begin(), left.end());
+        const auto u = coefficients(i, place(i, c));
+        mine.insert(mine.end(), u.begin(), u.end());
+      }
+      Sizes sizes = sizes_;
+      sizes[0] = lists[c].size();
+      Decomposition svd(sizes, ranks_, residual);
+      if (fresh[c]) {
+        svd.begin();
+      } else {
+        svd.U_m = thin_svd(sizes[0], R, mine).U;  // section 4.2.3
+        svd.U = state_.clusters[c].U;
+      }
+      for (std::size_t s = 0; s < (fresh[c] ? cold_sweeps : warm_sweeps); ++s) svd.sweep();
+
+      KctaCluster& cluster = state_.clusters[c];
+      cluster.sizes = ranks_;
+      cluster.U = svd.U;
+      cluster.Z = svd.Z;
+      cluster.Z.resize(product(ranks_), 0.0);  // fewer slices than ranks
+      rows[c] = cluster.rows();
+      for (std::size_t s = 0; s < lists[c].size(); ++s) {
+        const std::size_t i = lists[c][s];
+        const std::size_t k = place(i, c);
+        const auto u = coefficients(i, k);
+        std::fill(u.begin(), u.end(), 0.0);
+        std::copy_n(svd.U_m.begin() + static_cast<std::ptrdiff_t>(s * svd.rank), svd.rank,
+                    u.begin());
+        if (k + 1 < K) continue;  // a later cluster of the slice is still to come
+        const Values made = product_of(R, u, rows[c]);
+        mixing.errors[i] = 0;
+        for (std::size_t p = 0; p < row_; ++p) {
+          const double difference = residual[s * row_ + p] - made[p];
+          mixing.errors[i] += difference * difference;
+        }
+      }
+    }
+  }
+
+  void make_model() {
+    fit_.model = std::make_unique<KctaModel>();
+    KctaModel& model = *fit_.model;
+    model.set_groups(request_.groups, request_.mode);
+    model.clusters = request_.clusters;
+    model.ranks = request_.ranks;
+    for (std::size_t n = 0; n < global_.size(); ++n) {
+      model.global[n].assign(global_[n].begin(), global_[n].end());
+    }
+    for (const KctaCluster& cluster : state_.clusters) {
+      model.cores.insert(model.cores.end(), cluster.Z.begin(), cluster.Z.end());
+      for (std::size_t a = 1; a < sizes_.size(); ++a) {
+        const std::size_t n = a <= request_.mode ? a - 1 : a;
+        model.local[n].insert(model.local[n].end(), cluster.U[a - 1].begin(),
+                              cluster.U[a - 1].end());
+      }
+    }
+    set_mixing(
+        model, request_.mixtures, state_.mixtures, state_.mixing.members,
+        std::vector<float>(state_.mixing.coefficients.begin(), state_.mixing.coefficients.end()));
+  }
+
+  const KctaRequest& request_;
+  Job& job_;
+  BtfInfo info_;
+  Values D_;     // the tensor, then A_G with the clustered mode first
+  Sizes sizes_;  // its sizes, and those of cores
+  Sizes ranks_;
+  std::size_t row_ = 1;  // values of a slice
+  std::vector<Values> global_;
+  State state_;
+  KctaFit fit_;
+};
+
+}  // namespace
+
+Values KctaCluster::rows() const {
+  Sizes left = sizes;
+  Values T = Z;
+  for (std::size_t n = 1; n < sizes.size(); ++n) {
+    if (U[n - 1].empty()) continue;
+    const std::size_t size = U[n - 1].size() / sizes[n];
+    T = mode_product(left, n, T, size, U[n - 1]);
+    left[n] = size;
+  }
+  return T;
+}
+
+Values solve_mixing(std::size_t n, std::span<const double> gram, std::span<const double> products) {
+  if (n == 0) return {};
+  return product_of(n, products, power(n, gram, -1.0));
+}
+
+KctaMixing mix_slices(std::span<const std::size_t> sizes, std::span<const double> A,
+                      std::span<const KctaCluster> clusters, std::size_t mixtures) {
+  const std::size_t slices = sizes[0];
+  const std::size_t C = clusters.size();
+  const std::size_t R = clusters[0].sizes[0];
+  const std::size_t core_row = clusters[0].Z.size() / R;
+  const std::size_t row = A.size() / slices;
+
+  // What does not change in the stage: the dual bases (7), the slices' projections onto them and
+  // onto the cores, and the same of all clusters' cores (14), (19).
+  std::vector<Values> V(C), first(C), a(C);
+  std::vector<Values> dual(C * C), f(C * C);  // of Z_j^(c), at c C + j
+  for (std::size_t c = 0; c < C; ++c) {
+    const KctaCluster& cluster = clusters[c];
+    V[c] = product_of(R, power(R, products(core_row, cluster.Z, cluster.Z), -0.5), cluster.Z);
+    Sizes left(sizes.begin(), sizes.end());
+    const Values onto = projected(left, A, cluster.U);
+    first[c] = products(core_row, onto, V[c]);
+    a[c] = products(core_row, onto, cluster.Z);
+    for (std::size_t j = 0; j < C; ++j) {
+      Sizes core = clusters[j].sizes;
+      Values Z = clusters[j].Z;
+      for (std::size_t n = 1; n < core.size(); ++n) {
+        if (cluster.U[n - 1].empty()) continue;
+        const Sizes factor{sizes[n], core[n]};
+        const Values across =
+            mode_product(factor, 0, clusters[j].U[n - 1], core[n],
+                         transposed(sizes[n], core[n], cluster.U[n - 1]));  // U_n,c^T U_n,j
+        Z = mode_product(core, n, Z, core[n], across);
+      }
+      dual[c * C + j] = products(core_row, Z, V[c]);
+      f[c * C + j] = products(core_row, Z, cluster.Z);
+    }
+  }
+
+  KctaMixing mixing;
+  mixing.members.resize(slices * mixtures);
+  mixing.coefficients.resize(slices * mixtures * R);
+  mixing.errors.resize(slices);
+  for (std::size_t i = 0; i < slices; ++i) {
+    std::vector<std::size_t> chosen;
+    Values u;      // coefficients for them, [k][R]
+    Values right;  // a_mi, eq. (18)
+    for (std::size_t k = 0; k < mixtures; ++k) {
+      // greedy search: (9), (13)
+      std::size_t best = C;
+      double largest = 0;
+      for (std::size_t c = 0; c < C; ++c) {
+        if (std::find(chosen.begin(), chosen.end(), c) != chosen.end()) continue;
+        Values left(row_of(first[c], i, R).begin(), row_of(first[c], i, R).end());
+        for (std::size_t j = 0; j < chosen.size(); ++j) {
+          const Values made = product_of(R, row_of(u, j, R), dual[c * C + chosen[j]]);
+          for (std::size_t r = 0; r < R; ++r) left[r] -= made[r];
+        }
+        const double found = squares_of(left);
+        if (best == C || found > largest) {
+          best = c;
+          largest = found;
+        }
+      }
+      chosen.push_back(best);
+      // optimal projection: (15)-(19); block (p, q) of (17) is f_q(Z_p^(q))
+      const auto of = row_of(a[best], i, R);
+      right.insert(right.end(), of.begin(), of.end());
+      const std::size_t n = chosen.size() * R;
+      Values gram(n * n);
+      for (std::size_t p = 0; p < chosen.size(); ++p) {
+        for (std::size_t q = 0; q < chosen.size(); ++q) {
+          const Values& block = f[chosen[q] * C + chosen[p]];
+          for (std::size_t r = 0; r < R; ++r) {
+            std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(r * R), R,
+                        gram.begin() + static_cast<std::ptrdiff_t>((p * R + r) * n + q * R));
+          }
+        }
+      }
+      u = solve_mixing(n, gram, right);
+    }
+    const double squares = squares_of(A.subspan(i * row, row));
+    mixing.errors[i] =
+        std::max(0.0, squares - std::inner_product(u.begin(), u.end(), right.begin(), 0.0));
+    // in ascending order
+    std::vector<std::size_t> order(mixtures);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t p, std::size_t q) { return chosen[p] < chosen[q]; });
+    for (std::size_t k = 0; k < mixtures; ++k) {
+      mixing.members[i * mixtures + k] = static_cast<std::uint32_t>(chosen[order[k]]);
+      std::copy_n(
+          u.begin() + static_cast<std::ptrdiff_t>(order[k] * R), R,
+          mixing.coefficients.begin() + static_cast<std::ptrdiff_t>((i * mixtures + k) * R));
+    }
+  }
+  return mixing;
+}
+
+std::vector<std::vector<double>> mode_spectra(TileSource& source, const ModeGroups& groups,
+                                              std::span<const std::size_t> modes, Job& job) {
+  const Values D = read_tensor(source, groups, job);
+  const Sizes sizes = groups.sizes();
+  std::vector<Values> spectra(sizes.size());
+  for (const std::size_t n : modes) {
+    spectra[n] = symmetric_eigen(sizes[n], mode_gram(sizes, n, D)).values;
+  }
+  return spectra;
+}
+
+KctaFit encode_kcta(TileSource& source, const KctaRequest& request, Job& job) {
+  return Encoder(source, request, job).run();
+}
+
+void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,
+                 std::span<double> out) {
+  const BtfShape& shape = model.info.btf.shape;
+  const std::size_t image = shape.image_values();
+  std::fill_n(out.begin(), count * image, 0.0);
+  // whether an image has anything of a cluster: only of modes of directions that is to be known
+  const ModeGroup& group = model.groups.groups()[model.mode];
+  const auto has = [&](const TuckerModel& cluster, std::size_t i) {
+    if (!group.of_directions()) return true;
+    const std::size_t channels = group.has(Mode::channel) ? shape.channels : 1;
+    const std::size_t view = group.has(Mode::view) ? i / shape.lights : 0;
+    const std::size_t light = group.has(Mode::light) ? i % shape.lights : 0;
+    std::size_t row = 0;
+    if (group.has(Mode::view)) row += view * model.groups.stride(Mode::view);
+    if (group.has(Mode::light)) row += light * model.groups.stride(Mode::light);
+    const std::size_t rank = model.ranks[model.mode];
+    const auto rows = std::span(cluster.factors[model.mode]).subspan(row * rank, channels * rank);
+    return std::any_of(rows.begin(), rows.end(), [](float u) { return u != 0; });
+  };
+  for (std::size_t c = 0; c < model.clusters; ++c) {
+    const std::unique_ptr<TuckerModel> cluster = model.cluster(c);
+    for (std::size_t i = first; i < first + count;) {
+      std::size_t end = i;
+      while (end < first + count && has(*cluster, end)) ++end;
+      if (end == i) {
+        ++i;
+        continue;
+      }
+      Values part((end - i) * image);
+      decode_tucker(*cluster, i, end - i, part);
+      for (std::size_t p = 0; p < part.size(); ++p) out[(i - first) * image + p] += part[p];
+      i = end;
+    }
+  }
+}
+
+}  // namespace reference
+}  // namespace weft

@@ -1,0 +1,117 @@
+// K-clustered tensor approximation (Tsai & Shih 2012, Algorithm 1) end to end in double, of tensors
+// that fit in memory: the truth that host/weft/codecs/fit_kcta.hpp is checked against. Equation
+// numbers are the paper's.
+//
+//   clustering stage   for every slice along mode m the K clusters of (9) and (13), one after the
+//                      other, and its mixing coefficients (15)
+//   update stage       cluster by cluster, the N-mode SVD of its slices less what the others make
+//   of
+//                      them (20), from the bases that it has
+//
+// until the sum of the cores' norms stays, or the error grows: the result before is then restored.
+// With K = 1 it is clustered tensor approximation (Tsai & Shih 2006).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "weft/btf/tile.hpp"
+#include "weft/job.hpp"
+#include "weft/model/kcta.hpp"
+#include "weft/reference/kcta_start.hpp"
+
+namespace weft {
+
+struct KctaRequest {
+  ModeGroups groups;
+  std::size_t mode = 0;  // m, a number of a group
+  std::size_t clusters = 1;
+  std::size_t mixtures = 1;
+  std::vector<std::size_t> ranks;         // R_n of each group; its size for whole
+  std::vector<std::uint8_t> global_mode;  // whether group n has one basis for all clusters (23)
+  KctaStart start = KctaStart::directions;
+  std::size_t iterations = 10;
+  double least_change = 1e-4;  // of the sum of the cores' norms, relative
+
+  // Whether mode n has a factor of its own beside the clustered one.
+  bool cuts(std::size_t n) const { return n != mode && ranks[n] < groups.groups()[n].size; }
+};
+
+// Bases of modes longer than this have no Gram matrix.
+inline constexpr std::size_t longest_kcta_mode = 4096;
+
+// Iterations of alternating least squares in an update stage: of a cluster that has bases already,
+// and of one that has none.
+inline constexpr std::size_t warm_sweeps = 1;
+inline constexpr std::size_t cold_sweeps = 2;
+
+// Eigenvalues of Gram matrices of mixing coefficients up to this part of the largest are taken for
+// 0: cores may be rank-deficient, and clusters nearly the same.
+inline constexpr double mixing_cutoff = 1e-6;
+
+// What a fit says of itself. Squares are of the data as it is.
+struct KctaErrors {
+  double squares = 0;           // |D|^2
+  double lost = 0;              // by global bases
+  std::vector<double> history;  // what is lost beside, after the start and every iteration
+  bool restored = false;        // whether the last iteration was given up
+};
+
+struct KctaFit {
+  std::unique_ptr<KctaModel> model;
+  KctaErrors errors;
+};
+
+// Puts the mixing coefficients [slices][given][R_m] of `given` clusters for each slice into a model
+// of `mixtures`, at least as many: the others are the first that a slice has not, with coefficients
+// 0.
+void set_mixing(KctaModel& model, std::size_t mixtures, std::size_t given,
+                std::span<const std::uint32_t> members, std::span<const float> coefficients);
+
+namespace reference {
+
+// The squared singular values of modes of the data as it is, descending; none for other modes.
+std::vector<std::vector<double>> mode_spectra(TileSource& source, const ModeGroups& groups,
+                                              std::span<const std::size_t> modes, Job& job);
+
+KctaFit encode_kcta(TileSource& source, const KctaRequest& request, Job& job);
+
+// Images [first, first + count), [count][Y][X][C].
+void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,
+                 std::span<double> out);
+
+// --- the parts of it, for a tensor with the clustered mode first ---
+
+// A cluster's core [R_m][R_n ...] and its bases U_n [I_n][R_n] of the modes n behind the first;
+// empty for an identity.
+struct KctaCluster {
+  std::vector<std::size_t> sizes;  // of the core
+  std::vector<double> Z;
+  std::vector<std::vector<double>> U;  // of mode n at n - 1
+
+  // Z x_n U_n over the modes behind the first: [R_m][I_n ...].
+  std::vector<double> rows() const;
+};
+
+// The clusters of each slice, ascending, and their coefficients, [slices][K][R_m]; and what each
+// slice is then short of, squared.
+struct KctaMixing {
+  std::vector<std::uint32_t> members;
+  std::vector<double> coefficients;
+  std::vector<double> errors;
+};
+
+// The clustering stage of a tensor A of these sizes.
+KctaMixing mix_slices(std::span<const std::size_t> sizes, std::span<const double> A,
+                      std::span<const KctaCluster> clusters, std::size_t mixtures);
+
+// The coefficients (15) of one slice for given clusters, from the Gram matrix (17) and products
+// (18).
+std::vector<double> solve_mixing(std::size_t n, std::span<const double> gram,
+                                 std::span<const double> products);
+
+}  // namespace reference
+}  // namespace weft

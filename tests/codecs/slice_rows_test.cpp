@@ -1,0 +1,97 @@
+// Products of rows against sums by the definition, over lengths around those that are summed in
+// float and those of a block.
+#include "weft/codecs/slice_rows.hpp"
+
+#include <gtest/gtest.h>
+
+#include "support/generators.hpp"
+#include "support/matchers.hpp"
+#include "support/shared_device.hpp"
+#include "weft/reference/mode_product.hpp"
+
+namespace weft::test {
+namespace {
+
+TEST(SliceRows, SmallProductsOfRows) {
+  for (const std::size_t length : Sizes{1, 7, 2047, 2048, 2049, 4096 + 5}) {
+    for (const auto& [a, b] : {std::pair<std::size_t, std::size_t>{1, 1}, {3, 5}, {9, 2}}) {
+      const std::vector<float> A = random_floats(a * length, 1, -1, 1);
+      const std::vector<float> B = random_floats(b * length, 2, -1, 1);
+      const RowList rows = row_list(A, a, length);
+      const RowList others = row_list(B, b, length);
+      // sums of up to 2048 products in float, of values below 1
+      const double tolerance = 2048 * 0x1p-24 * static_cast<double>(length);
+      for (const bool same : {false, true}) {
+        const RowList& right = same ? rows : others;
+        std::vector<double> expected;
+        for (const float* row : rows) {
+          for (const float* other : right) {
+            double sum = 0;
+            for (std::size_t i = 0; i < length; ++i) sum += double{row[i]} * double{other[i]};
+            expected.push_back(sum);
+          }
+        }
+        EXPECT_TRUE(
+            all_near(row_products(shared_device(), length, rows, right), expected, tolerance))
+            << length;
+      }
+      // base + M rows, to rows that were picked
+      const std::vector<float> M = random_floats(a * b, 3, -1, 1);
+      std::vector<double> expected(a * length);
+      std::vector<double> squares(a, 0.0);
+      for (std::size_t i = 0; i < a * length; ++i) {
+        expected[i] = double{A[i]};
+        for (std::size_t r = 0; r < b; ++r) {
+          expected[i] += double{M[i / length * b + r]} * double{B[r * length + i % length]};
+        }
+        squares[i / length] += expected[i] * expected[i];
+      }
+      std::vector<float> out(a * length);
+      combine_rows(shared_device(), length, rows, M, others, out.data());
+      EXPECT_TRUE(all_near(out, expected, 16 * 0x1p-24 * 6));
+      EXPECT_TRUE(all_near(combined_squares(shared_device(), length, rows, M, others), squares,
+                           1e-5 * static_cast<double>(length)));
+    }
+  }
+}
+
+// Blocks of columns, and rows by number.
+TEST(SliceRows, SeveralBlocks) {
+  constexpr std::size_t length = (std::size_t{1} << 18) + 3000;
+  const std::vector<float> A = random_floats(4 * length, 1, -1, 1);
+  const RowList rows = picked(row_list(A, 4, length), Sizes{3, 1});
+  const std::vector<float> one{2.0f, -1.0f};
+  std::vector<float> out(length);
+  combine_rows(shared_device(), length, {}, one, rows, out.data());
+  double sum = 0;
+  for (std::size_t i = 0; i < length; ++i) {
+    ASSERT_EQ(out[i], 2 * A[3 * length + i] - A[length + i]);
+    sum += double{A[3 * length + i]} * double{A[length + i]};
+  }
+  EXPECT_NEAR(row_products(shared_device(), length, rows, rows)[1], sum, 1e-2);
+}
+
+TEST(SliceRows, SmallModesOfRows) {
+  const Sizes sizes{3, 5, 40};
+  const std::vector<float> A = random_floats(7 * 600, 1, -1, 1);
+  const std::vector<float> U = random_floats(5 * 2, 2, -1, 1);    // [5][2]
+  const std::vector<float> V = random_floats(50 * 40, 3, -1, 1);  // [50][40]
+  const RowProduct products[] = {{1, ops::ModeProduct::project, 2, U},
+                                 {2, ops::ModeProduct::expand, 50, V}};
+  std::vector<float> out(7 * 3 * 2 * 50);
+  multiply_modes(shared_device(), sizes, row_list(A, 7, 600), products, out.data());
+  const std::vector<double> values(A.begin(), A.end());
+  const std::vector<double> first =
+      reference::mode_product(Sizes{7, 3, 5, 40}, 2, values, 2,
+                              reference::transposed(5, 2, std::vector<double>(U.begin(), U.end())));
+  const std::vector<double> expected = reference::mode_product(
+      Sizes{7, 3, 2, 40}, 3, first, 50, std::vector<double>(V.begin(), V.end()));
+  EXPECT_TRUE(all_near(out, expected, 200 * 50 * 0x1p-24));
+  // nothing to multiply: a copy
+  std::vector<float> copy(7 * 600);
+  multiply_modes(shared_device(), sizes, row_list(A, 7, 600), {}, copy.data());
+  EXPECT_EQ(copy, A);
+}
+
+}  // namespace
+}  // namespace weft::test
