@@ -7,6 +7,7 @@
 #include "weft/error.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/group_tensors.hpp"
+#include "weft/model/selected_indices.hpp"
 #include "weft/tensor/sizes.hpp"
 
 namespace weft {
@@ -249,9 +250,7 @@ std::unique_ptr<KctaModel> KctaModel::select(const Selection& selection) const {
   Selection part = selection;
   part.level = 0;
   auto model = std::make_unique<KctaModel>();
-  model->info = info;
-  model->info.btf = weft::select(info.btf, part);
-  model->info.errors.reset();  // they were measured of the whole
+  model->info = selected_info(info, part);
   model->set_groups(ModeGroups(model->info.btf.shape, groups.merge()), mode);
   model->mixtures = mixtures;
   const std::vector<std::vector<std::size_t>> kept = kept_rows(groups, info.btf.shape, part);
