@@ -8,6 +8,7 @@
 #include "weft/error.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/group_tensors.hpp"
+#include "weft/model/selected_indices.hpp"
 #include "weft/tensor/sizes.hpp"
 
 namespace weft {
