@@ -14,7 +14,7 @@ set -eu
 build_packages="
   g++ cmake ninja-build
   libeigen3-dev libfmt-dev nlohmann-json3-dev libcli11-dev
-  libopenexr-dev libjpeg62-turbo-dev libpng-dev libzip-dev libxxhash-dev
+  libopenexr-dev libjpeg62-turbo-dev libpng-dev libzip-dev libxxhash-dev libzstd-dev
   libembree-dev
   ocl-icd-opencl-dev pocl-opencl-icd"
 test_packages="

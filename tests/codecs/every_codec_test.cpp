@@ -3,6 +3,7 @@
 // magnitude, values that are refused, bits that do not depend on memory.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <limits>
 
 #include "codecs/codec_runs.hpp"
@@ -15,6 +16,8 @@
 #include "support/temporary_folder.hpp"
 #include "weft/btf/adapt.hpp"
 #include "weft/btf/mip.hpp"
+#include "weft/codecs/store_model.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft::test {
 namespace {
@@ -77,6 +80,78 @@ TEST_P(EveryCodec, ModelsSurviveTheirFile) {
     EXPECT_EQ(tensor_bytes(*found), tensor_bytes(*model));
     EXPECT_TRUE(all_equal(run().decode(*found, 5), run().decode(*model, 5)));
   }
+}
+
+TEST_P(EveryCodec, QuantisedModelsSurviveTheirFile) {
+  const TemporaryFolder folder;
+  const auto source = random_source({3, 4, 6, 7, 3}, DType::f16, 5);
+  const auto fitted = run().encode(*source, rank(3), Storage::f32);
+  const std::vector<double> whole = run().decode(*fitted, 5);
+  double reference = 0;
+  for (const double value : whole) reference += value * value;
+  write_model(folder / "m.weft", *fitted);
+  double before = std::numeric_limits<double>::infinity();
+  for (const unsigned bits : {4u, 7u, 10u, 13u, 16u}) {
+    const auto model = read_model(folder / "m.weft");
+    quantise_all(*model, bits);
+    write_model(folder / "q.weft", *model);
+    EXPECT_EQ(std::filesystem::file_size(folder / "q.weft"), model_file_size(*model));
+    const auto found = read_model(folder / "q.weft");
+    EXPECT_EQ(tensor_bytes(*found), tensor_bytes(*model)) << bits << " bits";
+    EXPECT_EQ(found->info.quantised, model->info.quantised);
+    const std::vector<double> decoded = run().decode(*found, 5);
+    EXPECT_TRUE(all_equal(decoded, run().decode(*model, 5)));
+    double squares = 0;
+    for (std::size_t i = 0; i < whole.size(); ++i) squares += std::pow(decoded[i] - whole[i], 2);
+    EXPECT_LT(squares, before) << bits << " bits";
+    before = squares;
+  }
+  // 16 bits: each factor errs by 2^-16 of its largest value at most, a few times that of its mean one
+  EXPECT_LT(before, 40 * 0x1p-32 * reference);
+}
+
+TEST_P(EveryCodec, AutomaticStorageKeepsItsBound) {
+  const TemporaryFolder folder;
+  const auto source = random_source({4, 5, 12, 10, 3}, DType::f16, 5);
+  Job job;
+  const auto fitted = run().encode(*source, rank(3), Storage::f32, job);
+  const auto squares = [&](const Model& model) {
+    return run().measure(model, *source).square_difference;
+  };
+  Device* const device = run().on_device ? &shared_device() : nullptr;
+  write_model(folder / "m.weft", *fitted);
+  const auto half = read_model(folder / "m.weft");
+  set_storage(*half, Storage::f16);
+  round_to_storage(*half);
+  std::size_t size = model_file_size(*half);
+  for (const char* slack : {"auto=0.01", "auto=0.2"}) {
+    const auto model = read_model(folder / "m.weft");
+    const StorageRequest request = storage_request(slack);
+    store_model(device, *model, *source, request, job);
+    EXPECT_LE(squares(*model), std::pow(1 + request.slack, 2) * squares(*half));
+    // the more may be lost, the less it takes
+    EXPECT_LE(model_file_size(*model), size) << slack;
+    size = model_file_size(*model);
+    write_model(folder / "a.weft", *model);
+    EXPECT_EQ(tensor_bytes(*read_model(folder / "a.weft")), tensor_bytes(*model));
+    // the same bits again
+    const auto again = read_model(folder / "m.weft");
+    Job other;
+    other.memory = std::size_t{64} << 20;
+    store_model(device, *again, *source, request, other);
+    EXPECT_EQ(tensor_bytes(*again), tensor_bytes(*model));
+    EXPECT_EQ(again->info.quantised, model->info.quantised);
+  }
+  // a bound of one's own, and one that nothing meets
+  const double bound = 1.1 * squares(*fitted);
+  const auto model = read_model(folder / "m.weft");
+  store_model(device, *model, *source, storage_request("auto"), job, bound);
+  EXPECT_FALSE(model->info.quantised.empty());
+  EXPECT_LE(squares(*model), bound);
+  EXPECT_GE(squares(*model), squares(*fitted) + 0.5 * (bound - squares(*fitted)));
+  const auto exact = read_model(folder / "m.weft");
+  store_model(device, *exact, *source, storage_request("auto"), job, 0.5 * squares(*fitted));
+  EXPECT_EQ(tensor_bytes(*exact), tensor_bytes(*fitted));
 }
 
 TEST_P(EveryCodec, RealValuesAreThoseOfTheRealTensors) {

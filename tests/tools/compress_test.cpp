@@ -152,13 +152,51 @@ TEST_F(Compress, ImagesThatAreNotNeighboursAreSelected) {
   EXPECT_EQ(verify.status, 0) << verify.err;
 }
 
+TEST_F(Compress, QuantisedModelsServeEverySubcommand) {
+  std::size_t half = 0;
+  for (const std::string storage : {"f16", "q=10", "q=6", "auto", "auto=0.05"}) {
+    SCOPED_TRACE(storage);
+    const std::string file = path("q.weft");
+    const ProcessResult made =
+        run_weft({"compress", raw(), "--rank", "8", "--storage", storage, "--json", "-o", file});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const json report = json::parse(made.out);
+    const std::size_t size = fs::file_size(file);
+    if (storage == "f16") half = size;
+    EXPECT_LE(size, half);
+    EXPECT_EQ(report.at("file_size"), size);
+    EXPECT_TRUE(storage.front() != 'q' || report.at("storage") == storage);
+    // the file decodes to what was measured, on the device and by the reference
+    const ProcessResult verify = run_weft({"verify", file, "--against", raw(), "--json"});
+    EXPECT_EQ(verify.status, 0) << verify.err;
+    EXPECT_EQ(json::parse(verify.out).at("as_recorded"), true);
+    const ProcessResult info = run_weft({"info", file, "--json"});
+    EXPECT_EQ(info.status, 0) << info.err;
+    EXPECT_EQ(json::parse(info.out).at("storage"), report.at("storage"));
+    // the same bytes under another bound on the memory
+    const std::string again = path("again.weft");
+    EXPECT_EQ(run_weft({"compress", raw(), "--rank", "8", "--storage", storage, "--memory", "90MiB",
+                        "--quiet", "-o", again})
+                  .status,
+              0);
+    EXPECT_EQ(read_file(file), read_file(again));
+  }
+  const std::string q = path("q.weft");
+  EXPECT_EQ(run_weft({"decompress", q, "--views", "1", "-o", path("d.npy")}).status, 0);
+  EXPECT_EQ(run_weft({"render", q, "--size", "16", "-o", path("ball.png")}).status, 0);
+  EXPECT_EQ(run_weft({"bench", "--model", q, "--lookups", "1000", "--repeat", "1"}).status, 0);
+}
+
 TEST_F(Compress, BadRequestsAreStatusTwoAndLeaveNothing) {
   const std::string out = path("bad.weft");
   const std::pair<std::vector<std::string>, std::string> cases[] = {
       {{raw(), "--rank", "0", "-o", out}, "--rank 0"},
       {{raw(), "--rank", "many", "-o", out}, "--rank many"},
       {{raw(), "--codec", "zip", "-o", out}, "codec 'zip'"},
-      {{raw(), "--storage", "f8", "-o", out}, "--storage"},
+      {{raw(), "--storage", "f8", "-o", out}, "--storage f8"},
+      {{raw(), "--storage", "q=3", "-o", out}, "--storage q=3"},
+      {{raw(), "--storage", "q=17", "-o", out}, "--storage q=17"},
+      {{raw(), "--storage", "auto=0", "-o", out}, "--storage auto=0"},
       {{raw(), "--views", "9", "-o", out}, "--views"},
       {{raw(), "--region", "0,0,99x1", "-o", out}, "region"},
       {{raw(), "--memory", "10KiB", "-o", out}, "--memory 10240"},

@@ -58,7 +58,7 @@ void run_compress(const CompressOptions& options) {
   if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
   const Codec& codec = find_codec(options.codec);
   check_parameters(codec, options.parameters);
-  check_parameters(codec, options.parameters);
+  const StorageRequest storage = storage_request(options.storage);
   // A tensor train is cut further as it is, and measured against what it decodes to.
   std::unique_ptr<Device> device;
   std::shared_ptr<const Model> given;
@@ -98,7 +98,7 @@ void run_compress(const CompressOptions& options) {
   CompressRequest request;
   request.codec = &codec;
   request.parameters = options.parameters;
-  request.storage = options.storage == "f32" ? Storage::f32 : Storage::f16;
+  request.storage = storage;
   request.selection = to_json(selection);
   request.colour = make_colour_request(options.transform);
   request.weights = weights;
@@ -126,7 +126,7 @@ void run_compress(const CompressOptions& options) {
   report.add("output", options.output);
   report.add("codec", codec.name());
   report.add("parameters", json_cell(model->info.parameters));
-  report.add("storage", model->info.storage == Storage::f16 ? "f16" : "f32");
+  report.add("storage", storage_text(model->info));
   add_transform_field(report, model->info.colour_transform);
   report.add("selection",
              selection_cell(recorded_from_json(model->info.selection, options.output)));
@@ -196,9 +196,11 @@ void add_compress(CLI::App& program, Action& action) {
     }
   }
   command
-      ->add_option("--storage", options->storage,
-                   "f16 (half with a power of two per component) or f32")
-      ->check(CLI::IsMember({"f16", "f32"}))
+      ->add_option(
+          "--storage", options->storage,
+          "f16 (half with a power of two per component), f32, q=BITS (4 to 16 bits a value, a "
+          "step per component, entropy-coded), or auto (steps by their measured effect on "
+          "the error, which stays within 1.01 times that of f16; auto=SLACK: 1 + SLACK)")
       ->type_name("TYPE");
   add_transform_options(*command, options->transform);
   command
@@ -238,6 +240,7 @@ void add_compress(CLI::App& program, Action& action) {
       "Examples:\n"
       "  weft compress cloth.safetensors --codec pca --rank 64 -o cloth.weft\n"
       "  weft compress cloth.safetensors --rank 100 --storage f32 --memory 1GiB -o cloth.weft\n"
+      "  weft compress cloth.safetensors --codec lpca --storage auto -o cloth.weft\n"
       "  weft compress cloth.safetensors --weights cos,texels=roi.npy -o cloth.weft\n"
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
       "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"

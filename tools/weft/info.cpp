@@ -20,6 +20,7 @@
 #include "weft/io/raw_btf.hpp"
 #include "weft/io/safetensors.hpp"
 #include "weft/model/model_file.hpp"
+#include "weft/model/storage.hpp"
 
 namespace weft {
 namespace {
@@ -53,7 +54,7 @@ void describe_model(Report& report, const std::filesystem::path& path) {
   report.add("program_version", info.program_version);
   report.add("codec", info.codec);
   report.add("parameters", json_cell(info.parameters));
-  report.add("storage", info.storage == Storage::f16 ? "f16" : "f32");
+  report.add("storage", storage_text(info));
   report.add("selection", selection_cell(recorded_from_json(info.selection, path.string())));
   add_transform_field(report, info.colour_transform);
   if (!info.weights.empty()) report.add("weights", json_cell(info.weights));

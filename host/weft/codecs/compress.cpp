@@ -5,6 +5,7 @@
 
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
+#include "weft/codecs/store_model.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/weighted_fit.hpp"
 #include "weft/error.hpp"
@@ -23,21 +24,16 @@ std::unique_ptr<Model> fit(Device* device, TileSource& source, const CompressReq
                 : codec.encode_reference(source, request.parameters, storage, job);
 }
 
-// Makes the model what its file will give back.
-void store(Model& model, Storage storage) {
-  model.info.storage = storage;
-  if (auto* train = dynamic_cast<TtModel*>(&model)) train->stored.fill(storage);
-  round_to_storage(model);
-}
-
-// A model of the source, stored as the request says.
-std::unique_ptr<Model> stored_fit(Device* device, TileSource& source,
-                                  const CompressRequest& request, Job& job) {
-  if (request.weights.all_equal()) return fit(device, source, request, request.storage, job);
+// A model of the source with its weights taken out again, as exact as the storage asked for needs
+// it.
+std::unique_ptr<Model> weighted_fit(Device* device, TileSource& source,
+                                    const CompressRequest& request, Job& job) {
+  const Storage storage = request.storage.fitted();
+  if (request.weights.all_equal()) return fit(device, source, request, storage, job);
   WeightedFit weighted(*request.codec, request.parameters, source, request.weights, job);
   std::unique_ptr<Model> model = fit(device, weighted.source(), request, Storage::f32, job);
   weighted.undo(*model);
-  store(*model, request.storage);
+  set_storage(*model, storage);
   return model;
 }
 
@@ -92,14 +88,15 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
   const ColourTransform transform = colour_transform(source, request, job);
   TransformedSource transformed(source, transform, job.nan_zero);
   TileSource& fitted = transform.is_identity() ? source : transformed;
-  result.model = stored_fit(device, fitted, request, job);
-  result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  result.model = weighted_fit(device, fitted, request, job);
   ModelInfo& info = result.model->info;
   info.selection = request.train ? request.train->info.selection : request.selection;
   info.weights = request.weights_json;
   info.program_version = version();
   info.colour_transform = transform;
   if (!request.train) info.btf.dtype = source.info().dtype;  // a transformed source is F32
+  store_model(device, *result.model, source, request.storage, job);
+  result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
 
   measure(device, source, request, result, job);
   if (request.log_error || !transform.is_linear()) {

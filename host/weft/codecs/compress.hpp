@@ -9,6 +9,7 @@
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/model/tt.hpp"
 
 namespace weft {
@@ -16,7 +17,7 @@ namespace weft {
 struct CompressRequest {
   const Codec* codec = nullptr;
   Parameters parameters;
-  Storage storage = Storage::f16;
+  StorageRequest storage;
   std::string selection = "{}";  // what of the raw BTF the source is, as the model records it
   ColourRequest colour;          // what is fitted instead of the stored values
   Weights weights;               // of the source, each mode's of mean 1

@@ -127,7 +127,7 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info) {
 
 void check_format_version(const SafetensorsFile& file) {
   const std::string_view found = file.value("weft.format");
-  if (found.empty() || found == file_format_version) return;
+  if (found.empty() || found == file_format_version || found == coded_format_version) return;
   const bool number =
       std::all_of(found.begin(), found.end(), [](char c) { return c >= '0' && c <= '9'; });
   if (!number) {
@@ -136,8 +136,9 @@ void check_format_version(const SafetensorsFile& file) {
   }
   fail_input(
       "{}: weft.format {} (written by version {}) is not read by this version, which reads "
-      "{}",
-      file.path().string(), shown(found), shown(file.value("weft.version")), file_format_version);
+      "{} and {}",
+      file.path().string(), shown(found), shown(file.value("weft.version")), file_format_version,
+      coded_format_version);
 }
 
 }  // namespace weft

@@ -33,7 +33,9 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info);
 
 // The version of our files in the metadata `weft.format`.
 inline constexpr const char* file_format_version = "1";
-// Throws an input error for a file whose `weft.format` is another version, naming both.
+// That of models with entropy-coded tensors.
+inline constexpr const char* coded_format_version = "2";
+// Throws an input error for a file whose `weft.format` is neither, naming all.
 void check_format_version(const SafetensorsFile& file);
 
 }  // namespace weft

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "weft/error.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/group_tensors.hpp"
 #include "weft/model/selected_indices.hpp"
@@ -316,7 +317,7 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
   model->set_groups(std::move(groups), mode);
 
   // The cores' shape says clusters and ranks, that of `clusters` the mixtures.
-  const std::vector<std::size_t>& found = file.shape_of("cores");
+  const std::vector<std::size_t> found = tensor_shape(file, "cores");
   if (found.size() != model->groups.count() + 1) {
     file.reject("tensor \"cores\": shape " + shape_text(found) +
                 " has not the clusters and one size per mode");
@@ -325,7 +326,7 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
     file.reject("tensor \"cores\": shape " + shape_text(found) + " holds a 0");
   }
   model->clusters = found[0];
-  const std::vector<std::size_t>& listed = file.shape_of("clusters");
+  const std::vector<std::size_t> listed = tensor_shape(file, "clusters");
   if (listed.size() != 2 || listed[1] == 0 || listed[1] > model->clusters) {
     file.reject("tensor \"clusters\": shape " + shape_text(listed) + " instead of [" +
                 std::to_string(model->slices()) + ", K] with K from 1 to " +

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "weft/error.hpp"
+#include "weft/model/storage.hpp"
 #include "weft/reference/mode_product.hpp"
 
 namespace weft {
@@ -39,7 +40,7 @@ std::unique_ptr<KctaModel> expanded(const KctaModel& model, std::string_view mod
     larger->ranks[n] = size;
     larger->global[n].clear();
     larger->local[n].clear();
-    larger->info.storage = Storage::f32;  // products are not halves
+    set_storage(*larger, Storage::f32);  // products are not halves
   }
   return larger;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -136,12 +137,12 @@ std::unique_ptr<LpcaModel> LpcaModel::read(const ModelFile& file) {
   model->info = file.info();
   const BtfShape& shape = model->info.btf.shape;
   // The numbers of clusters and of columns are those of `ranks` and of A; everything else must fit.
-  const std::vector<std::size_t>& found = file.shape_of("ranks");
+  const std::vector<std::size_t> found = tensor_shape(file, "ranks");
   if (found.size() != 1 || found[0] == 0) {
     file.reject("tensor \"ranks\": shape " + shape_text(found) + " instead of [G]");
   }
   const std::size_t clusters = found[0];
-  const std::vector<std::size_t>& columns = file.shape_of("coefficients");
+  const std::vector<std::size_t> columns = tensor_shape(file, "coefficients");
   if (columns.size() != 2) {
     file.reject("tensor \"coefficients\": shape " + shape_text(columns) + " instead of [P, k]");
   }

@@ -6,21 +6,31 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <iterator>
+#include <map>
 #include <optional>
 
 #include "weft/error.hpp"
+#include "weft/io/btf_tensors.hpp"
 #include "weft/io/json_text.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/model_metadata.hpp"
+#include "weft/model/quantise.hpp"
 
 namespace weft {
 namespace {
 
 constexpr std::string_view scale_suffix = ".scale";
+constexpr std::string_view step_suffix = ".step";
 
 std::string scale_name(std::string_view tensor) {
   return std::string(tensor) + std::string(scale_suffix);
+}
+
+std::string step_name(std::string_view tensor) {
+  return std::string(tensor) + std::string(step_suffix);
 }
 
 // Values may be unaligned in a file that is not of ours.
@@ -113,6 +123,85 @@ void check_scales(const SafetensorsFile& file) {
   }
 }
 
+using Quantisations = std::map<std::string, Quantisation, std::less<>>;
+
+[[noreturn]] void reject(const SafetensorsFile& file, const std::string& why) {
+  fail_input("{}: {}", file.path().string(), why);
+}
+
+CodedTensors coded_tensors(const SafetensorsFile& file) {
+  if (file.value("weft.format") != coded_format_version) return {};
+  return read_coded(file.require("coded"),
+                    fmt::format("{}: metadata \"coded\"", file.path().string()));
+}
+
+// Every blob is there and of U8, every quantised tensor has steps, and all steps are some tensor's.
+Quantisations check_coded(const SafetensorsFile& file) {
+  const CodedTensors coded = coded_tensors(file);
+  Quantisations quantised;
+  std::size_t values = 0;
+  for (const auto& [name, tensor] : coded) {
+    const TensorInfo& blob = file.get(name);
+    if (blob.dtype != DType::u8 || blob.shape.size() != 1) {
+      reject(file, fmt::format("tensor \"{}\": {} of shape {} instead of a list of U8", shown(name),
+                               name_of(blob.dtype), shape_text(blob.shape)));
+    }
+    values += tensor.elements();  // at most 2^32 each, of fewer tensors than bytes in the header
+    if (tensor.dtype != DType::f32) continue;
+    const TensorInfo& steps = file.get(step_name(name));
+    if (steps.dtype != DType::f32 || steps.shape.size() != 1) {
+      reject(file, fmt::format("tensor \"{}\": {} of shape {} instead of a list of F32",
+                               shown(steps.name), name_of(steps.dtype), shape_text(steps.shape)));
+    }
+    std::vector<float> list = copy_of<float>(file.data(steps));
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (list[i] < 0) {
+        reject(file, fmt::format("tensor \"{}\": value {} at index {} is negative",
+                                 shown(steps.name), list[i], i));
+      }
+    }
+    quantised[name] = {tensor.bits, std::move(list)};
+  }
+  const std::size_t bytes = file.file().bytes().size();
+  // A blob of zeros holds thousands of values a byte; no model is made of those alone.
+  const std::size_t most = (std::size_t{64} << 20) + 1024 * bytes;
+  if (values > most) {
+    reject(file, fmt::format("metadata \"coded\": {} values in a file of {} bytes are too many",
+                             values, bytes));
+  }
+  for (const TensorInfo& tensor : file.tensors()) {
+    if (!tensor.name.ends_with(step_suffix)) continue;
+    if (!quantised.contains(
+            std::string_view(tensor.name).substr(0, tensor.name.size() - step_suffix.size()))) {
+      reject(file, fmt::format("tensor \"{}\": steps of no quantised tensor", shown(tensor.name)));
+    }
+  }
+  return quantised;
+}
+
+// The numbers of a blob, after a check that the shape is what the codec wants.
+std::vector<std::int32_t> decoded(const SafetensorsFile& file, std::string_view name,
+                                  const CodedTensor& tensor, const std::vector<std::size_t>& shape,
+                                  std::size_t component_axis) {
+  if (tensor.shape != shape) {
+    reject(file, fmt::format("tensor \"{}\": shape {} instead of {}", name,
+                             shape_text(tensor.shape), shape_text(shape)));
+  }
+  return decode_numbers(tensor, component_axis, file.data(file.get(name)),
+                        fmt::format("{}: tensor \"{}\"", file.path().string(), name));
+}
+
+// Every index is below the limit.
+void check_limit(const SafetensorsFile& file, std::string_view name,
+                 std::span<const std::uint32_t> indices, std::size_t limit) {
+  for (std::size_t i = 0; i < indices.size(); ++i) {
+    if (indices[i] >= limit) {
+      reject(file, fmt::format("tensor \"{}\": {} at index {} is not below {}", name, indices[i], i,
+                               limit));
+    }
+  }
+}
+
 }  // namespace
 
 ModelFile::ModelFile(const std::filesystem::path& path)
@@ -120,11 +209,34 @@ ModelFile::ModelFile(const std::filesystem::path& path)
   check_checksums(file_);
   for (const TensorInfo& tensor : file_.tensors()) check_finite(file_, tensor);
   check_scales(file_);
+  info_.quantised = check_coded(file_);
 }
 
 std::vector<float> ModelFile::real_tensor(std::string_view name,
                                           const std::vector<std::size_t>& shape,
                                           std::size_t component_axis, Storage storage) const {
+  const CodedTensors coded = coded_tensors(file_);
+  if (const auto found = coded.find(name); found != coded.end()) {
+    const CodedTensor& blob = found->second;
+    if (blob.dtype != DType::f32) {
+      reject(fmt::format("tensor \"{}\": dtype {} instead of F32", name, name_of(blob.dtype)));
+    }
+    const ComponentLayout layout = component_layout(shape, component_axis);
+    const std::vector<float>& steps = info_.quantised.find(name)->second.steps;
+    if (blob.shape == shape && steps.size() != layout.components) {
+      reject(fmt::format("tensor \"{}\": shape [{}] instead of [{}]", step_name(name), steps.size(),
+                         layout.components));
+    }
+    std::vector<float> values =
+        values_of(decoded(file_, name, blob, shape, component_axis), layout, steps);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (!std::isfinite(values[i])) {
+        reject(
+            fmt::format("tensor \"{}\": code at index {} times its step is not finite", name, i));
+      }
+    }
+    return values;
+  }
   const TensorInfo& tensor = file_.get(name);
   if (tensor.shape != shape) {
     reject(fmt::format("tensor \"{}\": shape {} instead of {}", name, shape_text(tensor.shape),
@@ -156,12 +268,25 @@ std::vector<float> ModelFile::real_tensor(std::string_view name,
 }
 
 Storage ModelFile::storage_of(std::string_view name) const {
+  if (coded_tensors(file_).contains(name)) return info_.storage;
   return file_.get(name).dtype == DType::f16 ? Storage::f16 : Storage::f32;
 }
 
 std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
                                                    const std::vector<std::size_t>& shape,
                                                    std::size_t limit) const {
+  const CodedTensors coded = coded_tensors(file_);
+  if (const auto found = coded.find(name); found != coded.end()) {
+    const CodedTensor& blob = found->second;
+    if (blob.dtype == DType::f32) {
+      reject(fmt::format("tensor \"{}\": dtype F32 is none of U8, U16, U32", name));
+    }
+    const std::vector<std::int32_t> numbers =
+        decoded(file_, name, blob, shape, ModelTensor::no_component_axis);
+    const std::vector<std::uint32_t> indices(numbers.begin(), numbers.end());
+    check_limit(file_, name, indices, limit);
+    return indices;
+  }
   const TensorInfo& tensor = file_.get(name);
   if (tensor.shape != shape) {
     reject(fmt::format("tensor \"{}\": shape {} instead of {}", name, shape_text(tensor.shape),
@@ -185,16 +310,19 @@ std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
         indices[i] = element<std::uint32_t>(bytes, i);
         break;
     }
-    if (indices[i] >= limit) {
-      reject(
-          fmt::format("tensor \"{}\": {} at index {} is not below {}", name, indices[i], i, limit));
-    }
   }
+  check_limit(file_, name, indices, limit);
   return indices;
 }
 
 const std::vector<std::size_t>& ModelFile::shape_of(std::string_view name) const {
   return file_.get(name).shape;
+}
+
+std::vector<std::size_t> tensor_shape(const ModelFile& file, std::string_view name) {
+  const CodedTensors coded = coded_tensors(file.file());
+  const auto found = coded.find(name);
+  return found != coded.end() ? found->second.shape : file.shape_of(name);
 }
 
 void ModelFile::reject(const std::string& why) const {

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "weft/btf/mip.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -114,7 +115,7 @@ std::unique_ptr<PcaModel> PcaModel::read(const ModelFile& file) {
   model->info = file.info();
   const BtfShape& shape = model->info.btf.shape;
   // The rank is the width of A; everything else must fit it.
-  const std::vector<std::size_t>& found = file.shape_of("coefficients");
+  const std::vector<std::size_t> found = tensor_shape(file, "coefficients");
   if (found.size() != 2) {
     file.reject("tensor \"coefficients\": shape " + shape_text(found) + " instead of [P, k]");
   }

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -193,9 +194,9 @@ std::unique_ptr<SparseModel> SparseModel::read(const ModelFile& file) {
   const BtfShape& shape = model->info.btf.shape;
   // The numbers of atoms and of terms are those of the dictionary and of the lists; everything else
   // must fit them.
-  const std::vector<std::size_t>& dictionary = file.shape_of("dictionary");
-  const std::vector<std::size_t>& views = file.shape_of("view_atoms");
-  const std::vector<std::size_t>& texels = file.shape_of("texel_atoms");
+  const std::vector<std::size_t> dictionary = tensor_shape(file, "dictionary");
+  const std::vector<std::size_t> views = tensor_shape(file, "view_atoms");
+  const std::vector<std::size_t> texels = tensor_shape(file, "texel_atoms");
   if (dictionary.size() != 3) {
     file.reject("tensor \"dictionary\": shape " + shape_text(dictionary) +
                 " instead of [D1, L, C]");

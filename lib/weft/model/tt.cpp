@@ -4,6 +4,7 @@
 
 #include "weft/btf/mip.hpp"
 #include "weft/error.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -202,7 +203,7 @@ std::unique_ptr<TtModel> TtModel::read(const ModelFile& file) {
   // Each core's left rank is its neighbour's right one; none is zero.
   for (std::size_t n = 0; n < mode_count; ++n) {
     const std::string name = model->core_name(n);
-    const std::vector<std::size_t>& found = file.shape_of(name);
+    const std::vector<std::size_t> found = tensor_shape(file, name);
     if (found.size() != 3 || found[2] == 0 || (n == last && found[2] != 1)) {
       file.reject("tensor \"" + name + "\": shape " + shape_text(found) +
                   (n == last ? " instead of [R, I, 1]" : " instead of [R, I, R']"));

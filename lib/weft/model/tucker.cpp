@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "weft/error.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/group_tensors.hpp"
 #include "weft/model/selected_indices.hpp"
@@ -240,7 +241,7 @@ std::unique_ptr<TuckerModel> TuckerModel::read(const ModelFile& file) {
   model->set_groups(read_groups(file));
 
   // The core's shape says the ranks; a mode without a factor is as long as the tensor.
-  const std::vector<std::size_t>& found = file.shape_of("core");
+  const std::vector<std::size_t> found = tensor_shape(file, "core");
   if (found.size() != model->groups.count()) {
     file.reject("tensor \"core\": shape " + shape_text(found) + " has not one size per mode");
   }

@@ -70,6 +70,12 @@ std::unique_ptr<TuckerModel> with_ranks(const TuckerModel& model, std::string_vi
     if (!model.has_factor(n)) continue;
     less->factors[n] = leading_columns(model.factors[n], model.ranks[n], less->ranks[n]);
   }
+  // what is left of a tensor are its first components
+  for (const ModelTensor& tensor : less->tensors()) {
+    const auto quantised = less->info.quantised.find(tensor.name);
+    if (quantised == less->info.quantised.end()) continue;
+    quantised->second.steps.resize(tensor.shape[tensor.component_axis]);
+  }
   round_to_storage(*less);
   restate_ranks(*less);
   return less;
@@ -103,7 +109,7 @@ std::unique_ptr<TuckerModel> expanded(const TuckerModel& model, std::string_view
   });
   larger->core = std::vector<float>(core.begin(), core.end());
   // products are not halves
-  if (larger->ranks != model.ranks) larger->info.storage = Storage::f32;
+  if (larger->ranks != model.ranks) set_storage(*larger, Storage::f32);
   return larger;
 }
 
@@ -114,7 +120,7 @@ std::unique_ptr<TuckerModel> at_directions(const TuckerModel& model, const BtfIn
   auto between = std::make_unique<TuckerModel>();
   between->info = model.info;
   between->info.errors.reset();
-  between->info.storage = Storage::f32;
+  set_storage(*between, Storage::f32);
   between->info.btf = info;
   BtfShape& shape = between->info.btf.shape;
   shape = whole;

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "weft/btf/mip.hpp"
+#include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
 #include "weft/model/selected_indices.hpp"
 
@@ -149,7 +150,7 @@ std::unique_ptr<ViewPcaModel> ViewPcaModel::read(const ModelFile& file) {
   model->info = file.info();
   const BtfShape& shape = model->info.btf.shape;
   // No view can have more components than there are; and so their sum can't overflow.
-  const std::vector<std::size_t>& found = file.shape_of("images");
+  const std::vector<std::size_t> found = tensor_shape(file, "images");
   if (found.size() != 2) {
     file.reject("tensor \"images\": shape " + shape_text(found) + " instead of [K, P]");
   }

@@ -1,0 +1,26 @@
+// The last step of an encoder: a model fitted in float becomes what its file will hold.
+//
+// `auto` looks for the steps of least size that leave the error within a bound. With fine steps a
+// value of tensor t and component j takes log2(1 / step) bits up to a constant, and adds
+// g_tj step^2 / 12 to the squared error, where the gain g_tj is by how much the squared error grows
+// with that of the component's values. The least size for a sum of errors then has the same
+// g_tj step_tj^2 = lambda^2 everywhere (Lagrange). Gains are measured: a component, or a group of
+// them, is quantised alone, and images of all views and lights are decoded and compared. lambda is
+// found by measuring the whole model.
+#pragma once
+
+#include <optional>
+
+#include "weft/codecs/codec.hpp"
+#include "weft/model/storage.hpp"
+
+namespace weft {
+
+// Rounds or quantises a model that was fitted with request.fitted(). `most_squares`: for `auto`,
+// the squared error against the source that it may have; without one, (1 + slack)^2 times that of
+// half storage, which is taken where it is smaller. On the device, or by the reference if it is
+// null.
+void store_model(Device* device, Model& model, TileSource& source, const StorageRequest& request,
+                 Job& job, std::optional<double> most_squares = std::nullopt);
+
+}  // namespace weft
