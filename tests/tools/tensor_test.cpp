@@ -68,7 +68,7 @@ TEST_F(TuckerProcess, GoalsAreMet) {
   const json size =
       run({"compress", raw(), "--codec", "tucker", "--target", "size=8KiB", "-o", path("s.weft")});
   EXPECT_LE(std::filesystem::file_size(path("s.weft")), 8192U);
-  EXPECT_EQ(size.at("parameters").at("target"), "size=8KiB");
+  EXPECT_EQ(size.at("parameters").at("goal"), "size=8KiB");
   EXPECT_EQ(run_weft({"compress", raw(), "--codec", "tucker", "--target", "size=1KiB", "-o",
                       path("x.weft")})
                 .status,

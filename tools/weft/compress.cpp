@@ -17,6 +17,7 @@
 #include "selection_options.hpp"
 #include "subcommand.hpp"
 #include "transform_options.hpp"
+#include "weft/codecs/choose_codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
 #include "weft/codecs/weighted_fit.hpp"
 #include "weft/error.hpp"
@@ -32,7 +33,9 @@ struct CompressOptions {
   std::string output;
   std::string codec = "pca";
   Parameters parameters;
-  std::string storage = "f16";
+  std::string target;
+  std::string prefer;   // size where nothing is given
+  std::string storage;  // f16 where nothing is given
   TransformOptions transform;
   std::string nan = "error";
   std::uint64_t seed = 0;
@@ -45,6 +48,40 @@ struct CompressOptions {
   OutputOptions report;
 };
 
+void add_goal_fields(Report& report, const Goal& goal, const CompressResult& result) {
+  report.add("target", goal.text);
+  report.add("reached", result.goal->reached);
+  report.add("decompositions", result.goal->decompositions);
+  report.add("trials", result.goal->trials);
+  report.add("search_time", result.encode_seconds, "s");
+  report.add("decomposition_time", result.goal->encode_seconds, "s");
+}
+
+Preference preference_of(const CompressOptions& options) {
+  for (const Preference known : {Preference::decode, Preference::encode}) {
+    if (options.prefer == name_of(known)) return known;
+  }
+  return Preference::size;
+}
+
+// Why a codec was taken.
+void add_choice_fields(Report& report, const CodecChoice& choice, Preference preference) {
+  report.add("preferred", name_of(preference));
+  report.add("tried_on", choice.part);
+  std::vector<std::vector<Cell>> rows;
+  for (const CodecTrial& trial : choice.trials) {
+    rows.push_back({text_cell(trial.codec->name()), flag_cell(trial.met),
+                    number_cell(trial.reached), number_cell(trial.snr, "dB"),
+                    bytes_cell(static_cast<std::uint64_t>(trial.bytes)),
+                    number_cell(trial.encode_seconds, "s"), number_cell(trial.lookups, "/s"),
+                    text_cell(trial.outcome)});
+  }
+  report.table(
+      "codecs",
+      {"codec", "met", "reached", "snr", "foreseen_size", "foreseen_time", "look_ups", "outcome"},
+      std::move(rows));
+}
+
 void run_compress(const CompressOptions& options) {
   using Clock = std::chrono::steady_clock;
   // Everything that can be wrong with the request is found before any work.
@@ -56,14 +93,26 @@ void run_compress(const CompressOptions& options) {
     fail_input("--output: '{}': there is no folder '{}'", options.output, folder.string());
   }
   if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
-  const Codec& codec = find_codec(options.codec);
-  check_parameters(codec, options.parameters);
-  const StorageRequest storage = storage_request(options.storage);
+  // null where the goal chooses it
+  const Codec* const codec = options.codec == "auto" ? nullptr : &find_codec(options.codec);
+  if (codec) {
+    check_parameters(*codec, options.parameters);
+    if (!options.prefer.empty()) {
+      fail_input("--prefer {}: of --codec auto; {} is given", options.prefer, codec->name());
+    }
+  } else {
+    if (options.target.empty()) fail_input("--codec auto: --target is needed to choose by");
+    if (!options.parameters.empty()) {
+      const auto& [name, value] = *options.parameters.begin();
+      fail_input("--{} {}: --codec auto chooses the parameters", name, value);
+    }
+  }
+  const StorageRequest storage = storage_request(options.storage.empty() ? "f16" : options.storage);
   // A tensor train is cut further as it is, and measured against what it decodes to.
   std::unique_ptr<Device> device;
   std::shared_ptr<const Model> given;
   std::shared_ptr<TileSource> input;
-  if (codec.name() == "tt" && ModelFile::looks_like(options.input)) {
+  if (codec && codec->name() == "tt" && ModelFile::looks_like(options.input)) {
     given = read_model(options.input);
     device = open_device(options.device, options.report);
     input = decoded_source(device.get(), given);
@@ -84,11 +133,16 @@ void run_compress(const CompressOptions& options) {
     const Weights whole = read_weights(options.weights, input->info());
     selection = {without_zeros(whole, input->info(), selection), input->info().shape};
     weights = select(whole, input->info(), selection);
-    check_weights(codec, options.parameters, select(input->info(), selection).shape, weights);
+    if (codec)
+      check_weights(*codec, options.parameters, select(input->info(), selection).shape, weights);
   }
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
-  if (options.ssim) check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
+  Goal goal;
+  if (!options.target.empty()) goal = parse_goal(options.target, source->info());
+  if (options.ssim || goal.kind == GoalKind::ssim) {
+    check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
+  }
   if (!given) device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report, "");  // stages count what they pass over
@@ -96,7 +150,7 @@ void run_compress(const CompressOptions& options) {
   job.seed = options.seed;
   job.nan_zero = nan_zero;
   CompressRequest request;
-  request.codec = &codec;
+  request.codec = codec;
   request.parameters = options.parameters;
   request.storage = storage;
   request.selection = to_json(selection);
@@ -106,9 +160,17 @@ void run_compress(const CompressOptions& options) {
   request.peak = options.peak;
   request.ssim = options.ssim;
   request.log_error = options.log_error;
+  request.goal = goal;
+  request.may_widen = options.storage.empty();
   request.train = train;
   const Clock::time_point start = Clock::now();
-  const CompressResult result = compress(device.get(), *source, request, job);
+  CodecChoice choice;
+  if (!codec) {
+    choice = compress_by_best(device.get(), *source, request, preference_of(options), job);
+  } else {
+    choice.result = compress(device.get(), *source, request, job);
+  }
+  const CompressResult& result = choice.result;
   const std::unique_ptr<Model>& model = result.model;
 
   // write
@@ -124,7 +186,7 @@ void run_compress(const CompressOptions& options) {
   Report report;
   report.add("input", options.input);
   report.add("output", options.output);
-  report.add("codec", codec.name());
+  report.add("codec", model->info.codec);
   report.add("parameters", json_cell(model->info.parameters));
   report.add("storage", storage_text(model->info));
   add_transform_field(report, model->info.colour_transform);
@@ -138,10 +200,12 @@ void run_compress(const CompressOptions& options) {
   if (train) report.add("errors_against", options.input);
   Report& errors = report.section("errors");
   add_error_fields(errors, result.errors);
-  if (options.ssim) errors.add("lowest_ssim", result.lowest_ssim);
   if (result.errors.weighted) {
     add_weighted_fields(report.section("weighted_errors"), *result.errors.weighted);
   }
+  if (result.errors.ssim) errors.add("lowest_ssim", result.lowest_ssim);
+  if (result.goal) add_goal_fields(report.section("goal"), goal, result);
+  if (!codec) add_choice_fields(report, choice, preference_of(options));
   report.add("device", device_name(device));
   report.add("encode_time", result.encode_seconds, "s");
   report.add("time", seconds, "s");
@@ -169,6 +233,7 @@ void add_compress(CLI::App& program, Action& action) {
   for (const Codec* codec : codecs()) {
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", codec->name(), codec->summary());
   }
+  names += "; or auto: the best of them for --target and --prefer, tried on a part of the input";
   command->add_option("--codec", options->codec, names)->type_name("NAME");
   for (const Codec* codec : codecs()) {
     for (const ParameterSpec& spec : codec->parameters()) {
@@ -195,12 +260,21 @@ void add_compress(CLI::App& program, Action& action) {
           ->group("Codec");
     }
   }
+  command->add_option("--target", options->target, std::string(goal_help))->type_name("KIND=VALUE");
+  command
+      ->add_option("--prefer", options->prefer,
+                   "Of --codec auto, what counts among codecs that meet the goal: size (of a goal "
+                   "that says it, the errors), decode (random look-ups) or encode (time) [size]")
+      ->check(CLI::IsMember({"size", "decode", "encode"}))
+      ->type_name("WHAT");
   command
       ->add_option(
           "--storage", options->storage,
           "f16 (half with a power of two per component), f32, q=BITS (4 to 16 bits a value, a "
           "step per component, entropy-coded), or auto (steps by their measured effect on "
-          "the error, which stays within 1.01 times that of f16; auto=SLACK: 1 + SLACK)")
+          "the error, which stays within 1.01 times that of f16; auto=SLACK: 1 + SLACK); f16 if "
+          "nothing is given, or f32 "
+          "where f16 does not hold the --target")
       ->type_name("TYPE");
   add_transform_options(*command, options->transform);
   command
@@ -245,6 +319,9 @@ void add_compress(CLI::App& program, Action& action) {
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
       "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"
       "  weft compress cloth.safetensors --views 'theta<=60' --lights 'theta<=60' -o upper.weft\n"
+      "  weft compress cloth.safetensors --codec view-pca --target psnr=38 -o cloth.weft\n"
+      "  weft compress cloth.safetensors --codec auto --target ratio=100 --prefer decode -o "
+      "cloth.weft\n"
       "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"
       "  weft compress train.weft --codec tt --target rel=0.2 -o shorter.weft\n"
       "  weft compress knit.npy --device reference --json -o knit.weft");

@@ -8,6 +8,7 @@
 #include "weft/codecs/colour_decoders.hpp"
 #include "weft/codecs/kcta.hpp"
 #include "weft/codecs/lpca.hpp"
+#include "weft/codecs/nested_models.hpp"
 #include "weft/codecs/pca.hpp"
 #include "weft/codecs/sparse.hpp"
 #include "weft/codecs/tt.hpp"
@@ -35,6 +36,12 @@ std::vector<std::size_t> chosen_of(std::span<const std::size_t> of,
 }
 
 }  // namespace
+
+std::unique_ptr<NestedModels> Codec::nested(Device* /*device*/, TileSource& /*source*/,
+                                            const Parameters& /*parameters*/,
+                                            const NestedRequest& /*request*/, Job& /*job*/) const {
+  return nullptr;
+}
 
 std::unique_ptr<Model> Codec::select(const Model& model, const Selection& selection) const {
   const ChannelPart* part = as_part(model);

@@ -20,6 +20,9 @@
 
 namespace weft {
 
+class NestedModels;
+struct NestedRequest;
+
 // One parameter of a codec, an option `--NAME` of `weft compress`.
 struct ParameterSpec {
   std::string_view name;
@@ -86,6 +89,16 @@ class Codec {
                                         Job& job) const = 0;
   virtual std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                                   Storage storage, Job& job) const = 0;
+
+  // Whether it can be asked for a goal: by nested models, or by its own search.
+  virtual bool takes_goals() const { return false; }
+  // A decomposition of all of `source`, by the reference if the device is null, from which models
+  // of several sizes can be cut: see nested_models.hpp. Parameters that are given bound it. Null
+  // for a codec whose models are not nested; its parameter `target` then takes rel=EPS and
+  // size=BYTES.
+  virtual std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                               const Parameters& parameters,
+                                               const NestedRequest& request, Job& job) const;
 
   // The part of a model that decodes to a selection (without its mip level, which is taken of
   // decoded images); the model itself is not changed.

@@ -1,10 +1,14 @@
 #include "weft/codecs/compress.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
+#include "weft/codecs/meet_goal.hpp"
 #include "weft/codecs/store_model.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/weighted_fit.hpp"
@@ -15,26 +19,10 @@
 namespace weft {
 namespace {
 
-// A model of the source, rounded to the storage.
-std::unique_ptr<Model> fit(Device* device, TileSource& source, const CompressRequest& request,
-                           Storage storage, Job& job) {
-  if (request.train) return round_tt(*request.train, request.parameters, storage, job);
-  const Codec& codec = *request.codec;
-  return device ? codec.encode(*device, source, request.parameters, storage, job)
-                : codec.encode_reference(source, request.parameters, storage, job);
-}
+using Clock = std::chrono::steady_clock;
 
-// A model of the source with its weights taken out again, as exact as the storage asked for needs
-// it.
-std::unique_ptr<Model> weighted_fit(Device* device, TileSource& source,
-                                    const CompressRequest& request, Job& job) {
-  const Storage storage = request.storage.fitted();
-  if (request.weights.all_equal()) return fit(device, source, request, storage, job);
-  WeightedFit weighted(*request.codec, request.parameters, source, request.weights, job);
-  std::unique_ptr<Model> model = fit(device, weighted.source(), request, Storage::f32, job);
-  weighted.undo(*model);
-  set_storage(*model, storage);
-  return model;
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
 // What of the source is fitted.
@@ -47,12 +35,87 @@ ColourTransform colour_transform(TileSource& source, const CompressRequest& requ
   return request.train->info.colour_transform;
 }
 
+// The source, and what is fitted instead of it: transformed, then weighted.
+class Prepared {
+ public:
+  Prepared(TileSource& source, const CompressRequest& request, Job& job)
+      : source_(source),
+        request_(request),
+        transform_(colour_transform(source, request, job)),
+        transformed_(source, transform_, job.nan_zero) {
+    TileSource& fitted = transform_.is_identity() ? source : transformed_;
+    fitted_ = &fitted;
+    if (request.weights.all_equal()) return;
+    weighted_ = std::make_unique<WeightedFit>(*request.codec, request.parameters, fitted,
+                                              request.weights, job);
+    fitted_ = &weighted_->source();
+  }
+
+  TileSource& source() const { return source_; }
+  TileSource& fitted() const { return *fitted_; }
+  bool is_source() const { return fitted_ == &source_; }
+  const ColourTransform& transform() const { return transform_; }
+  // What encoders round to: weights are divided out of what is not rounded yet.
+  Storage encoded_storage() const { return weighted_ ? Storage::f32 : request_.storage.fitted(); }
+
+  // Makes a model of what was fitted one of the source.
+  void undo(Model& model) const {
+    if (weighted_) weighted_->undo(model);
+    describe(model);
+  }
+
+ private:
+  // What the model says of its making.
+  void describe(Model& model) const {
+    ModelInfo& info = model.info;
+    info.colour_transform = transform_;
+    // a transformed source is F32
+    if (!request_.train) info.btf.dtype = source_.info().dtype;
+    info.selection = request_.train ? request_.train->info.selection : request_.selection;
+    info.weights = request_.weights_json;
+    info.program_version = version();
+    if (!request_.goal) return;
+    // a member of the object that is there
+    std::string& parameters = info.parameters;
+    const std::size_t end = parameters.rfind('}');
+    const bool empty = parameters.find('"') == std::string::npos;
+    parameters.insert(end, fmt::format("{}\"goal\":\"{}\"", empty ? "" : ",", request_.goal.text));
+  }
+
+  TileSource& source_;
+  const CompressRequest& request_;
+  ColourTransform transform_;
+  TransformedSource transformed_;
+  std::unique_ptr<WeightedFit> weighted_;
+  TileSource* fitted_ = nullptr;
+};
+
+// A model of what is fitted, as the codec rounds it.
+std::unique_ptr<Model> fit(Device* device, const Prepared& prepared, const CompressRequest& request,
+                           const Parameters& parameters, Job& job) {
+  if (request.train) return round_tt(*request.train, parameters, request.storage.fitted(), job);
+  const Codec& codec = *request.codec;
+  const Storage storage = prepared.encoded_storage();
+  return device ? codec.encode(*device, prepared.fitted(), parameters, storage, job)
+                : codec.encode_reference(prepared.fitted(), parameters, storage, job);
+}
+
+// A decomposition that a goal's models are cut of.
+std::unique_ptr<NestedModels> decompose(Device* device, const Prepared& prepared,
+                                        const CompressRequest& request, const NestedRequest& wanted,
+                                        Job& job) {
+  if (!request.train) {
+    return request.codec->nested(device, prepared.fitted(), request.parameters, wanted, job);
+  }
+  return nested_train(*request.train, request.parameters, wanted.storage, job);
+}
+
 // Errors of the stored model against the source.
-void measure(Device* device, TileSource& source, const CompressRequest& request,
-             CompressResult& result, Job& job) {
+MeasuredModel measure(Device* device, TileSource& source, const CompressRequest& request,
+                      const Model& model, Job& job) {
+  const bool ssim = request.ssim || request.goal.kind == GoalKind::ssim;
   SimilarityRequest similarity{request.peak, {}};
-  SimilarityRequest* const wanted = request.ssim ? &similarity : nullptr;
-  const Model& model = *result.model;
+  SimilarityRequest* const wanted = ssim ? &similarity : nullptr;
   const Codec& codec = *request.codec;
   WeightedErrors weighted{request.weights, {}};
   WeightedErrors* const weighs = request.weights_json.empty() ? nullptr : &weighted;
@@ -60,12 +123,67 @@ void measure(Device* device, TileSource& source, const CompressRequest& request,
       device ? measure_errors(*device, *codec.decoder(*device, model), source, job, wanted, weighs)
              : measure_errors(*codec.reference_decoder(model), source, job, wanted, weighs);
   const double peak = request.peak > 0 ? request.peak : psnr_peak(source.info(), sums);
-  result.errors = report(sums, peak);
-  if (weighs) result.errors.weighted = weighted_report(weighted.sums, peak);
-  if (request.ssim) {
-    result.errors.ssim = similarity.sums.mean();
-    result.lowest_ssim = similarity.sums.lowest;
+  MeasuredModel measured;
+  measured.errors = report(sums, peak);
+  if (weighs) measured.errors.weighted = weighted_report(weighted.sums, peak);
+  if (ssim) {
+    measured.errors.ssim = similarity.sums.mean();
+    measured.lowest_ssim = similarity.sums.lowest;
   }
+  return measured;
+}
+
+// Bytes of a number, about.
+double value_bytes(const StorageRequest& storage) {
+  switch (storage.kind) {
+    case StorageRequest::Kind::half:
+      return 2;
+    case StorageRequest::Kind::single:
+      return 4;
+    case StorageRequest::Kind::bits:
+      return storage.bits / 8.0;
+    case StorageRequest::Kind::automatic:
+      return 1;
+  }
+  return 2;
+}
+
+// The model that meets the request's goal.
+GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest& request,
+                Job& job) {
+  TileSource& source = prepared.source();
+  WeightedErrors weighted{request.weights, {}};
+  WeightedErrors* const weighs = request.weights_json.empty() ? nullptr : &weighted;
+  const ErrorSums sums = sums_of(device, source, job, weighs);
+  const ErrorSums& of_goal = weighs ? weighted.sums : sums;
+  GoalSource about;
+  about.bytes = source.info().bytes();
+  about.squares = prepared.is_source() ? sums.square_reference
+                                       : sums_of(device, prepared.fitted(), job).square_reference;
+  about.root_mean_square =
+      std::sqrt(of_goal.square_reference / static_cast<double>(source.info().shape.values()));
+  about.peak = request.peak > 0 ? request.peak : psnr_peak(source.info(), sums);
+  about.storage = request.storage.fitted();
+  about.value_bytes = value_bytes(request.storage);
+  about.may_widen = request.may_widen;
+  GoalSteps steps;
+  steps.decompose = [&](const NestedRequest& wanted) {
+    return decompose(device, prepared, request, wanted, job);
+  };
+  steps.encode = [&](const std::string& target) {
+    Parameters parameters = request.parameters;
+    parameters["target"] = target;
+    return fit(device, prepared, request, parameters, job);
+  };
+  steps.store = [&](Model& model, Storage storage) {
+    prepared.undo(model);
+    set_storage(model, storage);
+    StorageRequest as = request.storage;
+    if (storage != as.fitted()) as.kind = StorageRequest::Kind::single;
+    store_model(device, model, source, as, job);
+  };
+  steps.measure = [&](const Model& model) { return measure(device, source, request, model, job); };
+  return meet_goal(request.goal, about, steps, job);
 }
 
 }  // namespace
@@ -81,31 +199,38 @@ void check_parameters(const Codec& codec, const Parameters& parameters) {
 
 CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
                         Job& job) {
-  using Clock = std::chrono::steady_clock;
   check_parameters(*request.codec, request.parameters);
+  if (request.goal && !request.codec->takes_goals()) {
+    fail_input("--target {}: codec {} takes no goals", request.goal.text, request.codec->name());
+  }
   CompressResult result;
   const Clock::time_point start = Clock::now();
-  const ColourTransform transform = colour_transform(source, request, job);
-  TransformedSource transformed(source, transform, job.nan_zero);
-  TileSource& fitted = transform.is_identity() ? source : transformed;
-  result.model = weighted_fit(device, fitted, request, job);
-  ModelInfo& info = result.model->info;
-  info.selection = request.train ? request.train->info.selection : request.selection;
-  info.weights = request.weights_json;
-  info.program_version = version();
-  info.colour_transform = transform;
-  if (!request.train) info.btf.dtype = source.info().dtype;  // a transformed source is F32
-  store_model(device, *result.model, source, request.storage, job);
-  result.encode_seconds = std::chrono::duration<double>(Clock::now() - start).count();
-
-  measure(device, source, request, result, job);
+  const Prepared prepared(source, request, job);
+  MeasuredModel measured;
+  if (request.goal) {
+    GoalResult met = meet(device, prepared, request, job);
+    result.encode_seconds = seconds_since(start);
+    result.model = std::move(met.model);
+    measured = met.measured;
+    result.goal = GoalOutcome{met.reached, met.decompositions, met.trials, met.decompose_seconds};
+  } else {
+    result.model = fit(device, prepared, request, request.parameters, job);
+    prepared.undo(*result.model);
+    if (!request.weights.all_equal()) set_storage(*result.model, request.storage.fitted());
+    store_model(device, *result.model, source, request.storage, job);
+    result.encode_seconds = seconds_since(start);
+    measured = measure(device, source, request, *result.model, job);
+  }
+  result.errors = measured.errors;
+  result.lowest_ssim = measured.lowest_ssim;
+  const ColourTransform& transform = prepared.transform();
   if (request.log_error || !transform.is_linear()) {
     LogErrorRequest log;
     log.scale = transform.is_linear() ? mean_magnitude(source, job) : transform.scale;
     measure_log_errors(device, *result.model, source, log, job);
     result.errors.log = report(log.sums, log.scale);
   }
-  if (!request.train) info.errors = result.errors;
+  if (!request.train) result.model->info.errors = result.errors;
   return result;
 }
 

@@ -3,11 +3,13 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "weft/btf/weights.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
+#include "weft/codecs/goal.hpp"
 #include "weft/metrics/error_sums.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/model/tt.hpp"
@@ -25,8 +27,18 @@ struct CompressRequest {
   double peak = 0;               // of the PSNR; 0: by the data's type
   bool ssim = false;
   bool log_error = false;  // on a logarithmic scale too; always where a logarithm is fitted
+  Goal goal;               // what is to be reached, if anything
+  bool may_widen = false;  // whether f32 may take the place of f16 where that misses the goal
   // A tensor train that is cut further instead of fitting one: the source is what it decodes to.
   std::shared_ptr<const TtModel> train;
+};
+
+// How a goal was met.
+struct GoalOutcome {
+  double reached = 0;              // in the goal's kind
+  std::size_t decompositions = 0;  // that were made
+  std::size_t trials = 0;          // models that were measured
+  double encode_seconds = 0;       // of one decomposition, the last
 };
 
 struct CompressResult {
@@ -34,7 +46,8 @@ struct CompressResult {
   ErrorReport errors;            // against the source
   // of the images, where the similarity was asked for
   double lowest_ssim = std::numeric_limits<double>::quiet_NaN();
-  double encode_seconds = 0;
+  double encode_seconds = 0;  // with a goal, of all the search
+  std::optional<GoalOutcome> goal;
 };
 
 // Compresses all of `source` on the device, or by the reference if it is null. Where there are
@@ -42,7 +55,7 @@ struct CompressResult {
 // measured:
 // the model, as stored, is decoded and compared with the source; the model holds them too, unless
 // it was cut of a train, whose errors are no raw BTF's. Throws input errors for parameters that the
-// codec does not have or that make no sense, and what the codec's encoder throws.
+// codec does not have or that make no sense, what the codec's encoder throws, and an unmet goal.
 CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
                         Job& job);
 

@@ -1,10 +1,9 @@
-// What a tensor codec is asked to reach, `--target rel=EPS | size=BYTES | ratio=R`, from which it
-// chooses its ranks.
+// What a codec's own search is asked to reach, a parameter `target` = rel=EPS | size=BYTES |
+// ratio=R that is no option of the program's: see goal.hpp for those, which come to these.
 #pragma once
 
 #include <cstddef>
 #include <string>
-#include <string_view>
 
 #include "weft/btf/btf.hpp"
 #include "weft/codecs/codec.hpp"
@@ -20,11 +19,6 @@ struct FitGoal {
 
   explicit operator bool() const { return kind != Kind::none; }
 };
-
-inline constexpr std::string_view target_help =
-    "goal from which the ranks are chosen: rel=EPS (relative error of the stored model), "
-    "size=BYTES "
-    "(as 4MiB) or ratio=R";
 
 // The parameter `target` of a codec; no goal if it is absent or empty. A ratio becomes bytes of the
 // source that is to be compressed. Throws input errors that name the option and the value: an

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "weft/codecs/fit_lpca.hpp"
+#include "weft/codecs/nested_components.hpp"
 #include "weft/error.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/ops/decode_lpca.hpp"
@@ -187,26 +188,61 @@ class LpcaCodec final : public Codec {
     return specs;
   }
 
+  bool takes_goals() const override { return true; }
+
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const LpcaOptions options = lpca_options(parameters);
-    LpcaOptions fitted = options;
-    fitted.rank += extra_rank(source);
-    job.plan(plan_lpca(device, source, fitted));
-    LpcaFit fit = fit_lpca(device, source, fitted, job);
-    job.notes.push_back(fmt::format("clustered in {} global components ({}), {} iterations there",
-                                    fit.reduced_rank, fit.svd, fit.reduced_errors.size()));
-    note_errors(fit.errors, job);
-    return finish(std::move(fit.model), source, options, storage, job);
+    std::unique_ptr<LpcaModel> model =
+        fit(&device, source, lpca_options(parameters), storage, job).model;
+    round_to_storage(*model);
+    return model;
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const LpcaOptions options = lpca_options(parameters);
-    reference::LpcaFit fit = reference::encode_lpca(
-        source, {options.clusters, options.rank + extra_rank(source), options.iterations}, job);
-    note_errors(fit.errors, job);
-    return finish(std::move(fit.model), source, options, storage, job);
+    std::unique_ptr<LpcaModel> model =
+        fit(nullptr, source, lpca_options(parameters), storage, job).model;
+    round_to_storage(*model);
+    return model;
+  }
+
+  // The clusters stay, their components are chosen. Where their number is not given, it is that of
+  // bases that balance the coefficients, and leaves a size room for some components of each.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    const BtfShape& shape = source.info().shape;
+    const std::size_t n = shape.images() * shape.channels;
+    LpcaOptions options = lpca_options(parameters);
+    if (!parameters.contains("clusters")) {
+      // so many that bases take about the room of the coefficients
+      options.clusters = std::clamp<std::size_t>(shape.texels() / n + 1, 2, options.clusters);
+      if (request.values > 0) {
+        constexpr std::size_t parts = 5;  // the mean, and so many components less one
+        options.clusters =
+            std::clamp<std::size_t>(request.values / (parts * n), 1, options.clusters);
+      }
+    }
+    const bool bounded = parameters.contains("rank");
+    if (!bounded && request.values > 0) {
+      const double means = static_cast<double>(options.clusters * n);
+      const double of_rank = static_cast<double>(options.clusters * n + shape.texels());
+      const double ranks = (static_cast<double>(request.values) - means) / of_rank;
+      // clusters of more components than others take them from those of fewer
+      options.rank = 2 + static_cast<std::size_t>(1.5 * std::max(ranks, 0.0));
+    }
+    const std::size_t most = std::min(shape.texels(), n);
+    if (!bounded) {
+      options.rank = static_cast<std::size_t>(static_cast<double>(options.rank) * request.growth);
+      options.rank = std::min(options.rank, most);
+    }
+    Fit made = fit(device, source, options, request.storage, job);
+    const std::size_t kept = made.model->rank;
+    std::string bound;
+    if (kept < options.rank || kept == most) bound = "no cluster holds more components";
+    if (bounded && kept == options.rank) bound = fmt::format("--rank {}", options.rank);
+    return nested_components(std::move(made.model),
+                             {request.squares, made.error * made.error * request.squares, bound});
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -286,6 +322,38 @@ class LpcaCodec final : public Codec {
   }
 
  private:
+  struct Fit {
+    std::unique_ptr<LpcaModel> model;  // unrounded
+    double error = 0;                  // relative; 0 where it is too small to be resolved
+  };
+
+  Fit fit(Device* device, TileSource& source, const LpcaOptions& options, Storage storage,
+          Job& job) const {
+    std::unique_ptr<LpcaModel> model;
+    std::vector<double> errors;
+    LpcaOptions fitted = options;
+    fitted.rank += extra_rank(source);
+    if (device) {
+      job.plan(plan_lpca(*device, source, fitted));
+      LpcaFit made = fit_lpca(*device, source, fitted, job);
+      job.notes.push_back(fmt::format("clustered in {} global components ({}), {} iterations there",
+                                      made.reduced_rank, made.svd, made.reduced_errors.size()));
+      model = std::move(made.model);
+      errors = std::move(made.errors);
+    } else {
+      reference::LpcaFit made =
+          reference::encode_lpca(source, {fitted.clusters, fitted.rank, fitted.iterations}, job);
+      model = std::move(made.model);
+      errors = std::move(made.errors);
+    }
+    if (!source.texel_scale().empty()) {
+      reference::weigh_clusters(*model, source.texel_scale(), options.rank);
+    }
+    note_errors(errors, job);
+    describe(*model, source.info(), options, storage, job);
+    return {std::move(model), errors.empty() ? 0.0 : errors.back()};
+  }
+
   LpcaOptions lpca_options(const Parameters& parameters) const {
     LpcaOptions options;
     options.rank = count_parameter(*this, parameters, "rank", 1);
@@ -308,28 +376,23 @@ class LpcaCodec final : public Codec {
     return source.texel_scale().empty() ? 0 : 1;
   }
 
-  std::unique_ptr<Model> finish(std::unique_ptr<LpcaModel> model, TileSource& source,
-                                const LpcaOptions& options, Storage storage, Job& job) const {
-    if (!source.texel_scale().empty()) {
-      reference::weigh_clusters(*model, source.texel_scale(), options.rank);
-    }
-    const std::size_t kept = model->ranks.size();
+  void describe(LpcaModel& model, const BtfInfo& info, const LpcaOptions& options, Storage storage,
+                Job& job) const {
+    const std::size_t kept = model.ranks.size();
     if (kept < options.clusters) {
       job.notes.push_back(fmt::format("{} clusters asked, {} kept: the data has no use for more",
                                       options.clusters, kept));
     }
-    if (model->rank < options.rank) {
+    if (model.rank < options.rank) {
       job.notes.push_back(
-          fmt::format("rank {} asked, {} kept: no cluster holds more", options.rank, model->rank));
+          fmt::format("rank {} asked, {} kept: no cluster holds more", options.rank, model.rank));
     }
-    model->info.codec = name();
-    model->info.parameters = fmt::format(
+    model.info.codec = name();
+    model.info.parameters = fmt::format(
         R"({{"clusters":{},"rank":{},"iterations":{},"seed":{},"kept_clusters":{},"kept_rank":{}}})",
-        options.clusters, options.rank, options.iterations, job.seed, kept, model->rank);
-    model->info.storage = storage;
-    model->info.btf = source.info();
-    round_to_storage(*model);
-    return model;
+        options.clusters, options.rank, options.iterations, job.seed, kept, model.rank);
+    model.info.storage = storage;
+    model.info.btf = info;
   }
 };
 

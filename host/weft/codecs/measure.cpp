@@ -1,6 +1,7 @@
 #include "weft/codecs/measure.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "weft/codecs/scan_source.hpp"
@@ -47,6 +48,27 @@ Buffer texel_weight_buffer(Device& device, const BtfShape& shape, const Weights&
 void add_maxima(const ErrorSums& errors, ErrorSums& weighted) {
   weighted.merge({errors.count, 0, 0, errors.max_difference, errors.max_reference});
 }
+
+// A model of nothing: zeros.
+class NoImages final : public ReferenceDecoder {
+ public:
+  void decode(std::size_t, std::size_t, std::span<double> out) override {
+    std::fill(out.begin(), out.end(), 0.0);
+  }
+};
+
+class NoDeviceImages final : public DeviceDecoder {
+ public:
+  NoDeviceImages(Device& device, const BtfShape& shape) : device_(device), shape_(shape) {}
+  void decode(std::size_t, std::size_t count, Buffer& out) override {
+    device_.fill_zero(out, 0, count * shape_.image_values() * sizeof(float));
+  }
+  double image_flops() const override { return 0; }
+
+ private:
+  Device& device_;
+  BtfShape shape_;
+};
 
 }  // namespace
 
@@ -140,6 +162,17 @@ void add_weighted_errors(const BtfShape& shape, std::size_t first, std::size_t i
     errors.square_difference *= w;
     weighted.sums.merge(errors);
   }
+}
+
+ErrorSums sums_of(Device* device, TileSource& raw, Job& job, WeightedErrors* weighted) {
+  if (!device) {
+    NoImages none;
+    return measure_errors(none, raw, job, nullptr, weighted);
+  }
+  NoDeviceImages none(*device, raw.info().shape);
+  const ErrorSums sums = measure_errors(*device, none, raw, job, nullptr, weighted);
+  if (!std::isfinite(sums.square_reference)) scan_source(*device, raw, job);
+  return sums;
 }
 
 void add_similarities(const BtfShape& shape, std::size_t images, std::span<const double> raw,

@@ -38,6 +38,10 @@ void add_weighted_errors(const BtfShape& shape, std::size_t first, std::size_t i
                          std::span<const double> raw, std::span<const double> decoded,
                          WeightedErrors& weighted);
 
+// The sums of `raw` alone, in one pass; by the reference if the device is null. Throws the input
+// error that names the first value that is NaN or infinite.
+ErrorSums sums_of(Device* device, TileSource& raw, Job& job, WeightedErrors* weighted = nullptr);
+
 // Adds the similarities of `images` decoded images to the raw ones, both [images][P][C], by the
 // reference; `similarity.peak` is set.
 void add_similarities(const BtfShape& shape, std::size_t images, std::span<const double> raw,

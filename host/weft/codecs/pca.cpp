@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "weft/codecs/nested_components.hpp"
 #include "weft/codecs/truncated_svd.hpp"
 #include "weft/error.hpp"
 #include "weft/model/pca.hpp"
@@ -124,45 +125,37 @@ class PcaCodec final : public Codec {
   bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override { return svd_parameters; }
 
+  bool takes_goals() const override { return true; }
+
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
     const SvdOptions options = svd_options(*this, parameters);
-    const std::size_t rank = options.rank;
-    job.plan(plan_truncated_svd(device, source, options, job));
-    TruncatedSvd svd = truncated_svd(device, source, options, job);
-    auto model = std::make_unique<PcaModel>();
-    model->rank = svd.rank;
-    model->mean = std::move(svd.mean);
-    model->coefficients = std::move(svd.left);
-    // right is [n, k]
-    const std::size_t n = model->mean.size();
-    model->basis.resize(svd.right.size());
-    for (std::size_t r = 0; r < n; ++r) {
-      for (std::size_t j = 0; j < svd.rank; ++j) {
-        model->basis[j * n + r] = svd.right[r * svd.rank + j];
-      }
-    }
-    describe(*model, source.info(), storage,
-             svd_parameters_json(options, svd.method, svd.passes, svd.reason));
-    if (!options.has_goal() && svd.rank < rank) {
-      job.notes.push_back(
-          fmt::format("rank {} asked, {} kept: the data holds no more", rank, svd.rank));
-    }
-    job.notes.push_back(fmt::format("svd {}, {} passes over the data, rank {}: {}",
-                                    name_of(svd.method), svd.passes, svd.rank, svd.reason));
+    std::unique_ptr<PcaModel> model = fit(device, source, options, storage, job).model;
     round_to_storage(*model);
     return model;
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    SvdOptions options = svd_options(*this, parameters);
-    reference::PcaFit fit = reference::encode_pca(source, reference_request(options), job);
-    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
-    describe(*fit.model, source.info(), storage,
-             svd_parameters_json(options, fit.method, fit.passes, "the reference's way"));
-    round_to_storage(*fit.model);
-    return std::move(fit.model);
+    const SvdOptions options = svd_options(*this, parameters);
+    std::unique_ptr<PcaModel> model = fit_reference(source, options, storage, job).model;
+    round_to_storage(*model);
+    return model;
+  }
+
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    const BtfShape& shape = source.info().shape;
+    const std::size_t n = shape.images() * shape.channels;
+    const SvdOptions options =
+        nested_svd_options(*this, parameters, request, shape.texels() + n, 1);
+    Fit whole = device ? fit(*device, source, options, request.storage, job)
+                       : fit_reference(source, options, request.storage, job);
+    const std::size_t rank = whole.model->rank;
+    return nested_components(std::move(whole.model),
+                             {request.squares, whole.residual * whole.residual,
+                              rank_bound(options, parameters, rank, std::min(shape.texels(), n))});
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -233,6 +226,46 @@ class PcaCodec final : public Codec {
   std::unique_ptr<Model> read(const ModelFile& file) const override { return PcaModel::read(file); }
 
  private:
+  struct Fit {
+    std::unique_ptr<PcaModel> model;  // unrounded
+    double residual = 0;              // |T - T'|
+  };
+
+  Fit fit(Device& device, TileSource& source, const SvdOptions& options, Storage storage,
+          Job& job) const {
+    job.plan(plan_truncated_svd(device, source, options, job));
+    TruncatedSvd svd = truncated_svd(device, source, options, job);
+    auto model = std::make_unique<PcaModel>();
+    model->rank = svd.rank;
+    model->mean = std::move(svd.mean);
+    model->coefficients = std::move(svd.left);
+    // right is [n, k]
+    const std::size_t n = model->mean.size();
+    model->basis.resize(svd.right.size());
+    for (std::size_t r = 0; r < n; ++r) {
+      for (std::size_t j = 0; j < svd.rank; ++j) {
+        model->basis[j * n + r] = svd.right[r * svd.rank + j];
+      }
+    }
+    describe(*model, source.info(), storage,
+             svd_parameters_json(options, svd.method, svd.passes, svd.reason));
+    if (!options.has_goal() && svd.rank < options.rank) {
+      job.notes.push_back(
+          fmt::format("rank {} asked, {} kept: the data holds no more", options.rank, svd.rank));
+    }
+    job.notes.push_back(fmt::format("svd {}, {} passes over the data, rank {}: {}",
+                                    name_of(svd.method), svd.passes, svd.rank, svd.reason));
+    return {std::move(model), svd.residual};
+  }
+
+  Fit fit_reference(TileSource& source, SvdOptions options, Storage storage, Job& job) const {
+    reference::PcaFit made = reference::encode_pca(source, reference_request(options), job);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
+    describe(*made.model, source.info(), storage,
+             svd_parameters_json(options, made.method, made.passes, "the reference's way"));
+    return {std::move(made.model), made.residual};
+  }
+
   // `svd`: members of a JSON object
   void describe(PcaModel& model, const BtfInfo& info, Storage storage,
                 const std::string& svd) const {

@@ -24,7 +24,7 @@ constexpr std::size_t highest_rank = 1024;
 // Indices take 16 bits.
 constexpr std::size_t most_atoms = 65536;
 
-constexpr std::array<ParameterSpec, 7> sparse_parameters{{
+constexpr std::array<ParameterSpec, 6> sparse_parameters{{
     {"k1", "", "terms of an ABRDF's lists, 9; with a goal, the most, 32"},
     {"k2", "", "terms of a texel's list, 11; with a goal, the most, 32"},
     {"atoms", "256", "atoms D1[,D2] over lights and of ABRDFs; up to 256 take byte indices"},
@@ -32,7 +32,6 @@ constexpr std::array<ParameterSpec, 7> sparse_parameters{{
      "components of the projection before, 300; without it, a goal may take 600 or 1024"},
     {"iterations", "30", "of each K-SVD"},
     {"update", "approximate", "of an atom: exact or approximate"},
-    {"target", "", target_help},
 }};
 
 const SparseModel& as_sparse(const Model& model) {
@@ -77,6 +76,8 @@ class SparseCodec final : public Codec {
   }
   bool removes_mean() const override { return true; }
   std::span<const ParameterSpec> parameters() const override { return sparse_parameters; }
+
+  bool takes_goals() const override { return true; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <charconv>
 #include <string>
 
@@ -66,6 +67,38 @@ SvdOptions svd_options(const Codec& codec, const Parameters& parameters) {
     options.rank = default_rank;
   }
   return options;
+}
+
+SvdOptions nested_svd_options(const Codec& codec, const Parameters& parameters,
+                              const NestedRequest& request, std::size_t values, std::size_t bases) {
+  SvdOptions options = svd_options(codec, parameters);
+  for (const std::string_view name : {"tolerance", "energy"}) {
+    if (parameters.contains(name)) {
+      fail_input("--{} {}: --target chooses the rank", name, given(parameters, name));
+    }
+  }
+  if (parameters.contains("rank")) return options;
+  if (request.relative > 0) {
+    constexpr double loosest = 0.999;
+    options.rank = 0;
+    options.tolerance = std::min(request.relative, loosest);
+    return options;
+  }
+  // one more, so that the smallest that is too large is among them, and some for bases that take
+  // more than others
+  const double components =
+      request.growth * static_cast<double>(request.values) / static_cast<double>(values * bases);
+  options.rank = 1 + static_cast<std::size_t>(bases > 1 ? 1.5 * components : components);
+  return options;
+}
+
+std::string rank_bound(const SvdOptions& options, const Parameters& parameters, std::size_t rank,
+                       std::size_t most) {
+  if (rank == most || (!options.has_goal() && rank < options.rank)) {
+    return "the data holds no more components";
+  }
+  if (parameters.contains("rank")) return fmt::format("--rank {}", given(parameters, "rank"));
+  return {};
 }
 
 reference::SvdRequest reference_request(const SvdOptions& options) {

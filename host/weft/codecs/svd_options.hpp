@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/nested_models.hpp"
 #include "weft/ops/arithmetic.hpp"
 #include "weft/reference/truncated_svd.hpp"
 
@@ -42,6 +43,16 @@ inline constexpr std::array<ParameterSpec, 5> svd_parameters{{
 
 // The options that `parameters` ask for. Throws input errors that name the option and the value.
 SvdOptions svd_options(const Codec& codec, const Parameters& parameters);
+
+// A decomposition from which a goal cuts its models: of the given --rank; else until the request's
+// error is met, or with as many components of `values` numbers as it may take in `bases` bases.
+// Throws input errors for goals beside the one that is to be met.
+SvdOptions nested_svd_options(const Codec& codec, const Parameters& parameters,
+                              const NestedRequest& request, std::size_t values, std::size_t bases);
+// Why there are no more than `rank` components, of `most` that data of this shape can have; empty
+// where a further decomposition may have more.
+std::string rank_bound(const SvdOptions& options, const Parameters& parameters, std::size_t rank,
+                       std::size_t most);
 
 // What they ask of the reference, which computes in double; `arithmetic` as asked of the device.
 reference::SvdRequest reference_request(const SvdOptions& options);

@@ -9,6 +9,7 @@
 
 #include "weft/codecs/fit_tt.hpp"
 #include "weft/codecs/measure.hpp"
+#include "weft/codecs/nested_train.hpp"
 #include "weft/codecs/tt_decoder.hpp"
 #include "weft/codecs/tt_goal.hpp"
 #include "weft/error.hpp"
@@ -90,8 +91,7 @@ class TtCodec final : public Codec {
   }
   bool separates_texels(const Parameters&, const BtfShape&) const override { return true; }
   std::span<const ParameterSpec> parameters() const override {
-    static constexpr std::array<ParameterSpec, 4> specs{{
-        {"target", "", target_help},
+    static constexpr std::array<ParameterSpec, 3> specs{{
         {"ranks", "", "R1,R2,R3,R4 of the bonds between the modes"},
         {"rank", "", "one rank for all bonds, or the most that one can have"},
         {"order", "x,y,c,v,l", "order of the modes x, y, c, v and l, or auto"},
@@ -99,35 +99,15 @@ class TtCodec final : public Codec {
     return specs;
   }
 
+  bool takes_goals() const override { return true; }
+
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const BtfInfo& info = source.info();
-    TtOptions options = tt_options(*this, parameters, info);
-    if (options.choose_order) {
-      options.order = choose_order(device, source, options, job);
-      // a bond's most depends on the order
-      Parameters chosen = parameters;
-      chosen["order"] = to_text(options.order);
-      options = tt_options(*this, chosen, info);
-    }
-    TtFitOptions fit;
-    fit.order = options.order;
-    fit.request.ranks = options.ranks;
-    fit.request.tolerance = options.goal ? 0.5 : 0;
-    job.plan(plan_tt(device, source, fit, job));
+    TtOptions options = tt_options(*this, parameters, source.info());
+    options = with_order(device, source, parameters, options, job);
+    const FitTrain fit = planned_fit(device, source, options, job);
     return fit_to_goal(
-        options, info, storage,
-        [&](const reference::TrainRequest& request) {
-          fit.request = request;
-          try {
-            return fit_tt(device, source, fit, job);
-          } catch (const Error& error) {
-            // A cut speaks of its own part of the goal.
-            if (error.kind() != ErrorKind::unmet_goal) throw;
-            fail(ErrorKind::unmet_goal, "--target {}: cutting the train, with a part of that as {}",
-                 options.goal.text, error.what());
-          }
-        },
+        options, source.info(), storage, fit,
         [&](const TtModel& model) {
           const ErrorSums sums = measure_errors(device, *tt_decoder(device, model), source, job);
           return relative_error(sums);
@@ -139,8 +119,7 @@ class TtCodec final : public Codec {
                                           Storage storage, Job& job) const override {
     const BtfInfo& info = source.info();
     const TtOptions options = tt_options(*this, parameters, info);
-    if (options.choose_order)
-      fail_input("--order auto: the reference takes an order as it is given");
+    check_order(options);
     return fit_to_goal(
         options, info, storage,
         [&](const reference::TrainRequest& request) {
@@ -151,6 +130,28 @@ class TtCodec final : public Codec {
           return relative_error(measure_errors(decoder, source, job));
         },
         job);
+  }
+
+  // Ranks that are given are the most.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    const BtfInfo& info = source.info();
+    TtOptions options = tt_options(*this, parameters, info);
+    options.goal = FitGoal();
+    if (!device) {
+      check_order(options);
+      return nested_train(
+          options, info, request,
+          [&](const reference::TrainRequest& wanted) {
+            return reference::encode_tt(source, options.order, wanted, job);
+          },
+          job);
+    }
+    options.goal.relative = request.relative;
+    options = with_order(*device, source, parameters, options, job);
+    options.goal = FitGoal();
+    return nested_train(options, info, request, planned_fit(*device, source, options, job), job);
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -218,6 +219,42 @@ class TtCodec final : public Codec {
   std::unique_ptr<Model> read(const ModelFile& file) const override { return TtModel::read(file); }
 
  private:
+  static void check_order(const TtOptions& options) {
+    if (options.choose_order) {
+      fail_input("--order auto: the reference takes an order as it is given");
+    }
+  }
+
+  // With the order that is chosen for them, and what depends on it.
+  TtOptions with_order(Device& device, TileSource& source, const Parameters& parameters,
+                       const TtOptions& options, Job& job) const {
+    if (!options.choose_order) return options;
+    Parameters chosen = parameters;
+    chosen["order"] = to_text(weft::choose_order(device, source, options, job));
+    return tt_options(*this, chosen, source.info());
+  }
+
+  static FitTrain planned_fit(Device& device, TileSource& source, const TtOptions& options,
+                              Job& job) {
+    TtFitOptions fit;
+    fit.order = options.order;
+    fit.request.ranks = options.ranks;
+    const bool tolerates = options.goal || options.ranks[0] == 0;
+    fit.request.tolerance = tolerates ? 0.5 : 0;
+    job.plan(plan_tt(device, source, fit, job));
+    return [&device, &source, &job, fit](const reference::TrainRequest& request) mutable {
+      fit.request = request;
+      try {
+        return fit_tt(device, source, fit, job);
+      } catch (const Error& error) {
+        // A cut speaks of its own part of the goal.
+        if (error.kind() != ErrorKind::unmet_goal) throw;
+        fail(ErrorKind::unmet_goal, "cutting the train to a relative error of {:.4g}: {}",
+             request.tolerance, error.what());
+      }
+    };
+  }
+
   static double relative_error(const ErrorSums& sums) {
     if (sums.square_difference == 0) return 0;
     return std::sqrt(sums.square_difference / sums.square_reference);
@@ -231,15 +268,24 @@ const Codec& tt_codec() {
   return codec;
 }
 
-std::unique_ptr<Model> round_tt(const TtModel& model, const Parameters& parameters, Storage storage,
-                                Job& job) {
+namespace {
+
+// The order of modes stays.
+TtOptions rounding_options(const TtModel& model, const Parameters& parameters) {
   Parameters same_order = parameters;
   const auto asked = same_order.emplace("order", to_text(model.order)).first;
   if (asked->second != to_text(model.order)) {
     fail_input("--order {}: the train's order {} stays when it is rounded", asked->second,
                to_text(model.order));
   }
-  const TtOptions options = tt_options(tt_codec(), same_order, model.info.btf);
+  return tt_options(tt_codec(), same_order, model.info.btf);
+}
+
+}  // namespace
+
+std::unique_ptr<Model> round_tt(const TtModel& model, const Parameters& parameters, Storage storage,
+                                Job& job) {
+  const TtOptions options = rounding_options(model, parameters);
   const TensorTrain whole = reference::to_train(model);
   const double squares = reference::tt_inner(whole, whole);
   const StageTimer timer(job, "TT-rounding");
@@ -253,6 +299,22 @@ std::unique_ptr<Model> round_tt(const TtModel& model, const Parameters& paramete
         return squares > 0 ? std::sqrt(std::max(rest, 0.0) / squares) : 0.0;
       },
       job);
+}
+
+std::unique_ptr<NestedModels> nested_train(const TtModel& model, const Parameters& parameters,
+                                           Storage storage, Job& job) {
+  const StageTimer timer(job, "TT-rounding");
+  NestedTrain train;
+  train.options = rounding_options(model, parameters);
+  train.options.goal = FitGoal();
+  train.info = model.info.btf;
+  train.storage = storage;
+  reference::TrainRequest most;
+  most.ranks = train.options.ranks;
+  train.fit = reference::tt_round(reference::to_train(model), most);
+  train.complete = true;
+  train.bound = "the train that is cut";
+  return nested_train(std::move(train));
 }
 
 }  // namespace weft

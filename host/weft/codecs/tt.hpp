@@ -16,4 +16,8 @@ const Codec& tt_codec();
 std::unique_ptr<Model> round_tt(const TtModel& model, const Parameters& parameters, Storage storage,
                                 Job& job);
 
+// The trains that one can be cut to, for goals beside those.
+std::unique_ptr<NestedModels> nested_train(const TtModel& model, const Parameters& parameters,
+                                           Storage storage, Job& job);
+
 }  // namespace weft

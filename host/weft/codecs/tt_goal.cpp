@@ -66,21 +66,6 @@ reference::BondRanks parse_ranks(const std::string& text, const BtfShape& shape,
   return ranks;
 }
 
-void describe(TtModel& model, const TtOptions& options) {
-  std::string ranks;
-  for (std::size_t n = 1; n < mode_count; ++n) {
-    ranks += fmt::format("{}{}", n > 1 ? "," : "", model.ranks[n]);
-  }
-  std::string floats;
-  for (std::size_t n = 0; n < mode_count && model.info.storage == Storage::f16; ++n) {
-    if (model.stored[n] == Storage::f16) continue;
-    floats += fmt::format(R"({}"{}")", floats.empty() ? "" : ",", name_of(model.order[n]));
-  }
-  model.info.parameters = fmt::format(
-      R"({{"target":"{}","order":"{}","kept":[{}],"float_cores":[{}],"texel_operations":{}}})",
-      options.goal.text, to_text(model.order), ranks, floats, model.texel_operations());
-}
-
 // What the goal allows beside the truncation.
 double reserved_squares(double tolerance, Storage storage) {
   if (storage == Storage::f32) return 0;
@@ -175,37 +160,10 @@ std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& so
   const std::size_t number = storage == Storage::f16 ? 2 : 4;
   // Ranks cut back from a larger train by their energy are better than those of equal errors.
   constexpr double wanted = 1.6;
-  constexpr double loosest = 0.5;
-  constexpr double tightest = 1e-5;
-  double tolerance = loosest;
-  double tolerance_before = 1;
-  double before = 0;  // numbers at that
-  TrainFit made;
-  while (true) {
-    reference::TrainRequest request;
-    request.tolerance = tolerance;
-    made = fit(request);
-    const std::size_t coefficients = made.train.coefficients();
-    job.notes.push_back(
-        fmt::format("relative error {:.4g} takes {} numbers", std::sqrt(made.lost), coefficients));
-    const double numbers = static_cast<double>(coefficients);
-    const double missing =
-        wanted * static_cast<double>(options.goal.bytes) / (numbers * static_cast<double>(number));
-    if (missing <= 1 || tolerance <= tightest) break;
-    // Sizes grow about as a power of the error, which the last two fits tell. The first says
-    // little.
-    constexpr double first_slope = 2;
-    constexpr double beyond = 0.95;
-    const double slope =
-        before == 0
-            ? first_slope
-            : std::max(std::log(numbers / before) / std::log(tolerance_before / tolerance), 1.0);
-    const double step =
-        std::clamp(beyond * std::pow(missing, -1 / slope), before == 0 ? 0.5 : 0.2, 0.9);
-    before = numbers;
-    tolerance_before = tolerance;
-    tolerance = std::max(tolerance * step, tightest);
-  }
+  std::size_t fits = 0;
+  const TrainFit made =
+      fit_beyond(wanted * static_cast<double>(options.goal.bytes) / static_cast<double>(number),
+                 fit, fits, job);
   if (auto model = cut_to_size(made.train, options.goal.bytes, number, stored)) return model;
   reference::TrainRequest least;
   least.ranks.fill(1);
@@ -214,6 +172,21 @@ std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& so
 }
 
 }  // namespace
+
+void describe(TtModel& model, const TtOptions& options) {
+  std::string ranks;
+  for (std::size_t n = 1; n < mode_count; ++n) {
+    ranks += fmt::format("{}{}", n > 1 ? "," : "", model.ranks[n]);
+  }
+  std::string floats;
+  for (std::size_t n = 0; n < mode_count && model.info.storage == Storage::f16; ++n) {
+    if (model.stored[n] == Storage::f16) continue;
+    floats += fmt::format(R"({}"{}")", floats.empty() ? "" : ",", name_of(model.order[n]));
+  }
+  model.info.parameters = fmt::format(
+      R"({{"target":"{}","order":"{}","kept":[{}],"float_cores":[{}],"texel_operations":{}}})",
+      options.goal.text, to_text(model.order), ranks, floats, model.texel_operations());
+}
 
 TtOptions tt_options(const Codec& codec, const Parameters& parameters, const BtfInfo& source) {
   TtOptions options;
@@ -302,14 +275,50 @@ ModeOrder choose_order(Device& device, TileSource& source, const TtOptions& opti
   return best;
 }
 
-reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coefficients) {
+TrainFit fit_beyond(double coefficients, const FitTrain& fit, std::size_t& fits, Job& job) {
+  constexpr double loosest = 0.5;
+  constexpr double tightest = 1e-5;
+  double tolerance = loosest;
+  double tolerance_before = 1;
+  double before = 0;  // numbers at that
+  for (;;) {
+    reference::TrainRequest request;
+    request.tolerance = tolerance;
+    TrainFit made = fit(request);
+    ++fits;
+    const double numbers = static_cast<double>(made.train.coefficients());
+    job.notes.push_back(fmt::format("relative error {:.4g} takes {} numbers", std::sqrt(made.lost),
+                                    made.train.coefficients()));
+    const double missing = coefficients / numbers;
+    if (missing <= 1 || tolerance <= tightest) return made;
+    // Sizes grow about as a power of the error, which the last two fits tell. The first says
+    // little.
+    constexpr double first_slope = 2;
+    constexpr double beyond = 0.95;
+    const double slope =
+        before == 0
+            ? first_slope
+            : std::max(std::log(numbers / before) / std::log(tolerance_before / tolerance), 1.0);
+    const double step =
+        std::clamp(beyond * std::pow(missing, -1 / slope), before == 0 ? 0.5 : 0.2, 0.9);
+    before = numbers;
+    tolerance_before = tolerance;
+    tolerance = std::max(tolerance * step, tightest);
+  }
+}
+
+std::vector<TrainCut> train_cuts(const TensorTrain& train) {
   std::array<std::size_t, mode_count + 1> ranks = train.ranks;
-  const auto numbers = [&] {
-    std::size_t sum = 0;
-    for (std::size_t n = 0; n < mode_count; ++n) sum += ranks[n] * train.sizes[n] * ranks[n + 1];
-    return sum;
-  };
-  while (numbers() > coefficients) {
+  double lost = 0;
+  std::vector<TrainCut> cuts;
+  for (;;) {
+    TrainCut cut;
+    std::copy(ranks.begin() + 1, ranks.end() - 1, cut.ranks.begin());
+    for (std::size_t n = 0; n < mode_count; ++n) {
+      cut.coefficients += ranks[n] * train.sizes[n] * ranks[n + 1];
+    }
+    cut.lost = lost;
+    cuts.push_back(cut);
     std::size_t best = 0;
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t bond = 1; bond <= bond_count; ++bond) {
@@ -322,7 +331,8 @@ reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coeffici
         best = bond;
       }
     }
-    if (best == 0) break;
+    if (best == 0) return cuts;
+    const std::array<std::size_t, mode_count + 1> whole = ranks;
     --ranks[best];
     // No bond holds more than a neighbour's with the mode between them.
     for (std::size_t n = 1; n < mode_count; ++n) {
@@ -331,10 +341,20 @@ reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coeffici
     for (std::size_t n = bond_count; n > 0; --n) {
       ranks[n] = std::min(ranks[n], train.sizes[n] * ranks[n + 1]);
     }
+    for (std::size_t bond = 1; bond <= bond_count; ++bond) {
+      for (std::size_t j = ranks[bond]; j < whole[bond]; ++j) {
+        lost += train.values[bond - 1][j] * train.values[bond - 1][j];
+      }
+    }
   }
-  reference::BondRanks result{};
-  std::copy(ranks.begin() + 1, ranks.end() - 1, result.begin());
-  return result;
+}
+
+reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coefficients) {
+  const std::vector<TrainCut> cuts = train_cuts(train);
+  for (const TrainCut& cut : cuts) {
+    if (cut.coefficients <= coefficients) return cut.ranks;
+  }
+  return cuts.back().ranks;
 }
 
 std::unique_ptr<TtModel> fit_to_goal(const TtOptions& options, const BtfInfo& source,

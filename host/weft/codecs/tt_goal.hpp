@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <vector>
 
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/fit_goal.hpp"
@@ -45,6 +46,22 @@ using MeasureTrain = std::function<double(const TtModel& model)>;
 std::unique_ptr<TtModel> fit_to_goal(const TtOptions& options, const BtfInfo& source,
                                      Storage storage, const FitTrain& fit,
                                      const MeasureTrain& measure, Job& job);
+
+// A fit of at least `coefficients` numbers, unless arithmetic or the data hold no more; `fits`
+// counts those that it took.
+TrainFit fit_beyond(double coefficients, const FitTrain& fit, std::size_t& fits, Job& job);
+
+// Ranks of ever fewer numbers, each at least 1, from the train's own on: always that direction is
+// dropped that holds the least energy for the numbers it takes.
+struct TrainCut {
+  reference::BondRanks ranks{};
+  std::size_t coefficients = 0;
+  double lost = 0;  // bound of |T - T'|^2
+};
+std::vector<TrainCut> train_cuts(const TensorTrain& train);
+
+// What a model's info says of it.
+void describe(TtModel& model, const TtOptions& options);
 
 // Ranks of at most `coefficients` numbers in all, chosen as above.
 reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coefficients);

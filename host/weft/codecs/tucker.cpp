@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <utility>
 
 #include "weft/codecs/fit_tucker.hpp"
+#include "weft/codecs/nested_models.hpp"
 #include "weft/codecs/rank_options.hpp"
 #include "weft/codecs/tucker_decoder.hpp"
 #include "weft/codecs/tucker_options.hpp"
@@ -78,6 +80,83 @@ class TuckerReferenceDecoder final : public ReferenceDecoder {
   const TuckerModel& model_;
 };
 
+// Models cut of one whose factors are orthonormal, at foreseen errors in equal steps of decibels.
+class NestedTucker final : public NestedModels {
+ public:
+  NestedTucker(TuckerFit fit, const TuckerRequest& request)
+      : fit_(std::move(fit)), request_(request) {
+    request_.leaves_cuts = false;
+    request_.bytes = 0;
+    lost_ = std::max(0.0, fit_.errors.squares - fit_.errors.core_squares);
+    least_ = fit_.errors.squares > 0 ? std::sqrt(lost_ / fit_.errors.squares) : 1.0;
+    const double decibels = -20 * std::log10(std::max(least_, finest));
+    steps_ = static_cast<std::size_t>(std::ceil(decibels / step));
+  }
+
+  // The last is the whole.
+  std::size_t count() const override { return steps_ + 1; }
+
+  std::unique_ptr<Model> model(std::size_t i) const override {
+    std::unique_ptr<TuckerModel> model = leading_model(*fit_.model, ranks(i));
+    model->info = fit_.model->info;
+    restate_ranks(*model);
+    model->info.parameters = with_room(model->info.parameters);
+    return model;
+  }
+
+  std::size_t values(std::size_t i) const override {
+    const std::vector<std::size_t>& kept = ranks(i);
+    std::size_t sum = product(std::span(kept));
+    for (std::size_t n = 0; n < kept.size(); ++n) {
+      if (fit_.model->has_factor(n)) sum += fit_.model->groups.groups()[n].size * kept[n];
+    }
+    return sum;
+  }
+
+  double error(std::size_t i) const override {
+    return i < steps_ ? std::pow(10.0, -static_cast<double>(i) * step / 20) : least_;
+  }
+
+  bool complete() const override {
+    for (std::size_t n = 0; n < request_.most.size(); ++n) {
+      if (fit_.model->ranks[n] < request_.most[n]) return false;
+    }
+    return true;
+  }
+
+  std::string bound() const override {
+    std::string given;
+    for (std::size_t n = 0; n < request_.most.size(); ++n) {
+      const ModeGroup& group = request_.groups.groups()[n];
+      if (request_.most[n] >= group.size || fit_.model->ranks[n] < request_.most[n]) continue;
+      given += fmt::format("{}{}={}", given.empty() ? "" : ",", group.name, request_.most[n]);
+    }
+    return given.empty() ? "all that float arithmetic resolves" : "the ranks given, " + given;
+  }
+
+ private:
+  static constexpr double step = 0.02;    // dB
+  static constexpr double finest = 1e-6;  // of the errors that are told apart
+
+  const std::vector<std::size_t>& ranks(std::size_t i) const {
+    if (i == steps_) return fit_.model->ranks;
+    const auto [found, made] = ranks_.try_emplace(i);
+    if (made) {
+      TuckerRequest request = request_;
+      request.relative = error(i);
+      found->second = ranks_to_goal(*fit_.model, request, fit_.errors.squares, lost_).ranks;
+    }
+    return found->second;
+  }
+
+  TuckerFit fit_;
+  TuckerRequest request_;
+  double lost_ = 0;   // |D|^2 - |Z|^2
+  double least_ = 0;  // the same as a relative error
+  std::size_t steps_ = 0;
+  mutable std::map<std::size_t, std::vector<std::size_t>> ranks_;  // that were asked for
+};
+
 class TuckerCodec final : public Codec {
  public:
   std::string_view name() const override { return "tucker"; }
@@ -90,6 +169,8 @@ class TuckerCodec final : public Codec {
     return groups.group_of(Mode::row) != groups.group_of(Mode::column);
   }
   std::span<const ParameterSpec> parameters() const override { return tucker_parameters; }
+
+  bool takes_goals() const override { return true; }
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
@@ -106,6 +187,40 @@ class TuckerCodec final : public Codec {
     asked.options.request.header = header_of(asked.options.request, source.info());
     return finish(reference::encode_tucker(source, asked.options.request, job), asked,
                   source.info(), job);
+  }
+
+  // Ranks that are given are the most.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    const BtfInfo& info = source.info();
+    Parameters with_goal = parameters;
+    // float, so that the error is that of the factors before they are rounded
+    Storage storage = Storage::f32;
+    if (request.relative > 0) {
+      constexpr double loosest = 0.999;
+      with_goal["target"] = fmt::format("rel={}", std::min(request.relative, loosest));
+    } else {
+      storage = request.storage;
+      const double bytes = static_cast<double>(request.values) *
+                           (storage == Storage::f16 ? 2.0 : 4.0) * request.growth;
+      with_goal["target"] = fmt::format("size={:.0f}", std::max(bytes, 1.0));
+    }
+    TuckerParameters asked = tucker_options(*this, with_goal, info, storage, device);
+    asked.options.request.leaves_cuts = true;
+    asked.options.request.header = header_of(asked.options.request, info);
+    TuckerFit fit;
+    if (device) {
+      ops::require_arithmetic(*device, asked.options.gram);
+      job.plan(plan_tucker(*device, source, asked.options, job));
+      fit = fit_tucker(*device, source, asked.options, job);
+    } else {
+      fit = reference::encode_tucker(source, asked.options.request, job);
+    }
+    asked.goal = FitGoal();
+    asked.options.request.storage = request.storage;
+    describe(fit, asked, info, job);
+    return std::make_unique<NestedTucker>(std::move(fit), asked.options.request);
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -188,14 +303,32 @@ class TuckerCodec final : public Codec {
   std::unique_ptr<Model> finish(TuckerFit fit, const TuckerParameters& asked, const BtfInfo& source,
                                 Job& job) const {
     const TuckerRequest& request = asked.options.request;
+    check_ranks(*fit.model, request, asked, factors_error(fit));
+    describe(fit, asked, source, job);
+    if (!asked.note.empty()) job.notes.push_back(asked.note);
+    round_to_storage(*fit.model);
+    const std::vector<std::size_t> stated = fit.model->ranks;
+    check_goal(*fit.model, request, asked);
+    if (fit.model->ranks != stated) restate_ranks(*fit.model);
+    return std::move(fit.model);
+  }
+
+  // sqrt(|D|^2 - |Z|^2) / |D|: what orthonormal factors lose.
+  static double factors_error(const TuckerFit& fit) {
+    const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
+    return std::sqrt(std::max(0.0, fit.errors.squares - fit.errors.core_squares) / squares);
+  }
+
+  // The model's info, and what the report says.
+  void describe(const TuckerFit& fit, const TuckerParameters& asked, const BtfInfo& source,
+                Job& job) const {
+    const TuckerRequest& request = asked.options.request;
     TuckerModel& model = *fit.model;
     model.info.codec = name();
     model.info.storage = request.storage;
     model.info.btf = source;
     const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
-    const double factors =
-        std::sqrt(std::max(0.0, fit.errors.squares - fit.errors.core_squares) / squares);
-    check_ranks(model, request, asked, factors);
+    const double factors = factors_error(fit);
     std::string errors = fmt::format("\"factors_error\":{:.6g}", factors);
     const bool iterates = request.method == TuckerMethod::hooi;
     if (request.method == TuckerMethod::hosvd) {
@@ -222,12 +355,6 @@ class TuckerCodec final : public Codec {
       job.notes.push_back(fmt::format("discarded singular values: relative error {:.6g}",
                                       std::sqrt(fit.errors.discarded / squares)));
     }
-    if (!asked.note.empty()) job.notes.push_back(asked.note);
-    round_to_storage(model);
-    const std::vector<std::size_t> stated = model.ranks;
-    check_goal(model, request, asked);
-    if (model.ranks != stated) restate_ranks(model);
-    return std::move(fit.model);
   }
 
   // The size is met by what is written, header and directions and all: where its header takes more

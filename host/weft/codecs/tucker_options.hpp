@@ -9,11 +9,10 @@
 
 namespace weft {
 
-inline constexpr std::array<ParameterSpec, 8> tucker_parameters{{
+inline constexpr std::array<ParameterSpec, 7> tucker_parameters{{
     {"merge", "", "modes merged into one, as yxc (TensorTextures), lc or vl,yx"},
     {"ranks", "", "ranks by mode, as v=61,l=27; others stay whole. With a goal, the most"},
     {"rank", "", "rank of every mode that --ranks does not name; 32 if nothing else is asked"},
-    {"target", "", target_help},
     {"method", "sthosvd", "hosvd, sthosvd or hooi"},
     {"start", "sthosvd", "of hooi: hosvd or sthosvd"},
     {"iterations", "3", "of hooi"},

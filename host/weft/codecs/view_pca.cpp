@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "weft/btf/view_source.hpp"
+#include "weft/codecs/nested_components.hpp"
 #include "weft/codecs/scan_source.hpp"
 #include "weft/codecs/svd_options.hpp"
 #include "weft/codecs/truncated_svd.hpp"
@@ -207,85 +208,42 @@ class ViewPcaCodec final : public Codec {
     return specs;
   }
 
+  bool takes_goals() const override { return true; }
+
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const SvdOptions options = view_options(parameters);
-    const BtfShape& shape = source.info().shape;
-    const std::size_t light_channels = shape.lights * shape.channels;
-    // Where only a goal is given, so many per view are planned for, and no more are kept.
-    const std::size_t planned =
-        std::min({options.rank > 0 ? options.rank : planned_rank, shape.texels(), light_channels});
-    Job view_job = job;  // one plan and one progress: those of the whole
-    view_job.progress = {};
-    view_job.held.push_back(
-        {"model", shape.views * (planned * (shape.texels() + light_channels) + light_channels) *
-                      sizeof(float)});
-    // All views have one shape, and so one plan.
-    ViewSource first_view(source, 0);
-    view_job.plan(plan_truncated_svd(device, first_view, options, view_job));
-    view_job.on_plan = {};
-
-    // NaN is looked for in the whole, where it has its own view's number.
-    scan_source(device, source, job);
-    view_job.stages = job.stages;
-
-    auto model = std::make_unique<ViewPcaModel>();
-    model->images.reserve(shape.views * planned * shape.texels());
-    model->basis.reserve(shape.views * planned * light_channels);
-    std::vector<std::uint32_t> ranks;
-    std::size_t passes = 0;
-    std::size_t components = 0;
-    std::map<SvdMethod, std::size_t> methods;  // views that each took
-    std::map<SvdMethod, std::string> reasons;
-    for (std::size_t v = 0; v < shape.views; ++v) {
-      ViewSource view(source, v);
-      const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
-      append(*model, svd, shape.texels());
-      components += svd.rank;
-      if (components > shape.views * planned) {
-        fail(ErrorKind::unmet_goal,
-             "the goal takes {} components up to view {}; without --rank, {} for all views are "
-             "planned for",
-             components, v, shape.views * planned);
-      }
-      ranks.push_back(static_cast<std::uint32_t>(svd.rank));
-      passes = std::max(passes, svd.passes);
-      ++methods[svd.method];
-      reasons.emplace(svd.method, svd.reason);
-      job.advance("views", v + 1, shape.views);
-    }
-    job.stages = std::move(view_job.stages);
-    // Views may have taken different ways: the model names the one that most took.
-    const auto most = std::max_element(
-        methods.begin(), methods.end(),
-        [](const auto& one, const auto& other) { return one.second < other.second; });
-    const SvdMethod method = most->first;
-    std::string reason = reasons[method];
-    for (const auto& [other, views] : methods) {
-      job.notes.push_back(fmt::format("svd {} of {} views, at most {} passes: {}", name_of(other),
-                                      views, passes, reasons[other]));
-      if (other != method) {
-        reason += fmt::format("; {} views by {}: {}", views, name_of(other), reasons[other]);
-      }
-    }
-    finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
-           svd_parameters_json(options, method, passes, reason), job);
-    return model;
+    Fit made = fit(device, source, view_options(parameters), storage, job);
+    round_to_storage(*made.model);
+    return std::move(made.model);
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    SvdOptions options = view_options(parameters);
-    reference::ViewPcaFit fit = reference::encode_view_pca(source, reference_request(options), job);
-    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
-    std::unique_ptr<ViewPcaModel> model = std::move(fit.model);
-    std::vector<std::uint32_t> ranks;
-    for (std::size_t v = 0; v < model->ranks.size(); ++v) {
-      ranks.push_back(static_cast<std::uint32_t>(model->ranks[v]));
-    }
-    finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
-           svd_parameters_json(options, fit.method, fit.passes, "the reference's way"), job);
-    return model;
+    Fit made = fit_reference(source, view_options(parameters), storage, job);
+    round_to_storage(*made.model);
+    return std::move(made.model);
+  }
+
+  // With a goal, views take components as they are worth it: each is decomposed further than an
+  // equal part of the error asks for.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    constexpr double share = 0.7;
+    const BtfShape& shape = source.info().shape;
+    const std::size_t light_channels = shape.lights * shape.channels;
+    NestedRequest of_views = request;
+    of_views.relative *= share;
+    const SvdOptions options = nested_svd_options(*this, parameters, of_views,
+                                                  shape.texels() + light_channels, shape.views);
+    Fit made = device ? fit(*device, source, options, request.storage, job)
+                      : fit_reference(source, options, request.storage, job);
+    std::size_t least = made.model->ranks[0];
+    for (std::size_t v = 0; v < shape.views; ++v) least = std::min(least, made.model->ranks[v]);
+    return nested_components(
+        std::move(made.model),
+        {request.squares, made.residual_squares,
+         rank_bound(options, parameters, least, std::min(shape.texels(), light_channels))});
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -366,6 +324,91 @@ class ViewPcaCodec final : public Codec {
   }
 
  private:
+  struct Fit {
+    std::unique_ptr<ViewPcaModel> model;  // unrounded
+    double residual_squares = 0;          // |T - T'|^2
+  };
+
+  Fit fit(Device& device, TileSource& source, const SvdOptions& options, Storage storage,
+          Job& job) const {
+    const BtfShape& shape = source.info().shape;
+    const std::size_t light_channels = shape.lights * shape.channels;
+    // Where only a goal is given, so many per view are planned for, and no more are kept.
+    const std::size_t planned =
+        std::min({options.rank > 0 ? options.rank : planned_rank, shape.texels(), light_channels});
+    Job view_job = job;  // one plan and one progress: those of the whole
+    view_job.progress = {};
+    view_job.held.push_back(
+        {"model", shape.views * (planned * (shape.texels() + light_channels) + light_channels) *
+                      sizeof(float)});
+    // All views have one shape, and so one plan.
+    ViewSource first_view(source, 0);
+    view_job.plan(plan_truncated_svd(device, first_view, options, view_job));
+    view_job.on_plan = {};
+
+    // NaN is looked for in the whole, where it has its own view's number.
+    scan_source(device, source, job);
+    view_job.stages = job.stages;
+
+    auto model = std::make_unique<ViewPcaModel>();
+    model->images.reserve(shape.views * planned * shape.texels());
+    model->basis.reserve(shape.views * planned * light_channels);
+    std::vector<std::uint32_t> ranks;
+    std::size_t passes = 0;
+    double residual_squares = 0;
+    std::size_t components = 0;
+    std::map<SvdMethod, std::size_t> methods;  // views that each took
+    std::map<SvdMethod, std::string> reasons;
+    for (std::size_t v = 0; v < shape.views; ++v) {
+      ViewSource view(source, v);
+      const TruncatedSvd svd = truncated_svd(device, view, options, view_job);
+      append(*model, svd, shape.texels());
+      components += svd.rank;
+      residual_squares += svd.residual * svd.residual;
+      if (components > shape.views * planned) {
+        fail(ErrorKind::unmet_goal,
+             "the goal takes {} components up to view {}; without --rank, {} for all views are "
+             "planned for",
+             components, v, shape.views * planned);
+      }
+      ranks.push_back(static_cast<std::uint32_t>(svd.rank));
+      passes = std::max(passes, svd.passes);
+      ++methods[svd.method];
+      reasons.emplace(svd.method, svd.reason);
+      job.advance("views", v + 1, shape.views);
+    }
+    job.stages = std::move(view_job.stages);
+    // Views may have taken different ways: the model names the one that most took.
+    const auto most = std::max_element(
+        methods.begin(), methods.end(),
+        [](const auto& one, const auto& other) { return one.second < other.second; });
+    const SvdMethod method = most->first;
+    std::string reason = reasons[method];
+    for (const auto& [other, views] : methods) {
+      job.notes.push_back(fmt::format("svd {} of {} views, at most {} passes: {}", name_of(other),
+                                      views, passes, reasons[other]));
+      if (other != method) {
+        reason += fmt::format("; {} views by {}: {}", views, name_of(other), reasons[other]);
+      }
+    }
+    finish(*model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
+           svd_parameters_json(options, method, passes, reason), job);
+    return {std::move(model), residual_squares};
+  }
+
+  Fit fit_reference(TileSource& source, SvdOptions options, Storage storage, Job& job) const {
+    reference::ViewPcaFit made =
+        reference::encode_view_pca(source, reference_request(options), job);
+    options.arithmetic = Arithmetic::f64;  // whatever the device is asked for
+    std::vector<std::uint32_t> ranks;
+    for (std::size_t v = 0; v < made.model->ranks.size(); ++v) {
+      ranks.push_back(static_cast<std::uint32_t>(made.model->ranks[v]));
+    }
+    finish(*made.model, ranks, source.info(), options.has_goal() ? 0 : options.rank, storage,
+           svd_parameters_json(options, made.method, made.passes, "the reference's way"), job);
+    return {std::move(made.model), made.residual_squares};
+  }
+
   SvdOptions view_options(Parameters parameters) const {
     const bool has_goal = parameters.contains("tolerance") || parameters.contains("energy");
     if (!has_goal && !parameters.contains("rank")) {
@@ -398,7 +441,6 @@ class ViewPcaCodec final : public Codec {
     model.info.parameters = fmt::format(R"({{{},"kept":[{},{}]}})", parameters, *least, *most);
     model.info.storage = storage;
     model.info.btf = info;
-    round_to_storage(model);
   }
 };
 

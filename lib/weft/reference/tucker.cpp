@@ -121,28 +121,13 @@ TuckerBytes tucker_bytes(const TuckerRequest& request, std::span<const std::uint
   return bytes;
 }
 
-double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squares, double lost) {
-  if (!request.has_goal() || (squares == 0 && request.bytes == 0)) return lost;
-  std::vector<std::uint8_t> factors;
-  for (std::size_t n = 0; n < model.ranks.size(); ++n) {
-    factors.push_back(model.has_factor(n) ? 1 : 0);
-  }
-  RankGoal goal;
-  goal.most_bytes = static_cast<double>(request.bytes);
-  goal.most_lost = request.relative * request.relative * squares - lost;
-  const RankChoice choice =
-      cut_ranks(model.core, model.ranks, tucker_bytes(request, factors), goal);
-  keep_leading_part(model.core, model.ranks, choice.ranks);
-  for (std::size_t n = 0; n < model.ranks.size(); ++n) {
-    if (model.has_factor(n)) {
-      model.factors[n] = leading_columns(model.factors[n], model.ranks[n], choice.ranks[n]);
-    }
-  }
-  model.ranks = choice.ranks;
+namespace {
+
+// Short modes that are whole after all: back from their singular vectors.
+void restore_short_modes(TuckerModel& model) {
   for (std::size_t n = 0; n < model.ranks.size(); ++n) {
     const std::size_t size = model.groups.groups()[n].size;
     if (!model.has_factor(n) || model.ranks[n] < size || size > short_mode) continue;
-    // whole after all: back from the singular vectors
     std::size_t inner = 1;
     for (std::size_t m = n + 1; m < model.ranks.size(); ++m) inner *= model.ranks[m];
     std::vector<float> fibre(size);
@@ -159,6 +144,50 @@ double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squa
     }
     model.factors[n].clear();
   }
+}
+
+}  // namespace
+
+RankChoice ranks_to_goal(const TuckerModel& model, const TuckerRequest& request, double squares,
+                         double lost) {
+  std::vector<std::uint8_t> factors;
+  for (std::size_t n = 0; n < model.ranks.size(); ++n) {
+    factors.push_back(model.has_factor(n) ? 1 : 0);
+  }
+  RankGoal goal;
+  goal.most_bytes = static_cast<double>(request.bytes);
+  goal.most_lost = request.relative * request.relative * squares - lost;
+  return cut_ranks(model.core, model.ranks, tucker_bytes(request, factors), goal);
+}
+
+std::unique_ptr<TuckerModel> leading_model(const TuckerModel& model,
+                                           std::span<const std::size_t> ranks) {
+  auto part = std::make_unique<TuckerModel>();
+  part->set_groups(model.groups);
+  part->ranks.assign(ranks.begin(), ranks.end());
+  part->core = leading_part(model.core, model.ranks, ranks);
+  for (std::size_t n = 0; n < ranks.size(); ++n) {
+    if (model.has_factor(n)) {
+      part->factors[n] = leading_columns(model.factors[n], model.ranks[n], ranks[n]);
+    }
+  }
+  restore_short_modes(*part);
+  return part;
+}
+
+double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squares, double lost) {
+  if (!request.has_goal() || request.leaves_cuts || (squares == 0 && request.bytes == 0)) {
+    return lost;
+  }
+  const RankChoice choice = ranks_to_goal(model, request, squares, lost);
+  keep_leading_part(model.core, model.ranks, choice.ranks);
+  for (std::size_t n = 0; n < model.ranks.size(); ++n) {
+    if (model.has_factor(n)) {
+      model.factors[n] = leading_columns(model.factors[n], model.ranks[n], choice.ranks[n]);
+    }
+  }
+  model.ranks = choice.ranks;
+  restore_short_modes(model);
   return lost + choice.lost;
 }
 

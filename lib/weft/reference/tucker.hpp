@@ -39,6 +39,8 @@ struct TuckerRequest {
   // Bytes of a file beside core and factors, of these ranks and modes with factors.
   std::function<std::size_t(std::span<const std::size_t>, std::span<const std::uint8_t>)> header;
   Storage storage = Storage::f16;
+  // Whether the last cuts to the goal, those of cut_to_goal(), are left to the caller.
+  bool leaves_cuts = false;
 
   bool has_goal() const { return relative > 0 || bytes > 0; }
   // Whether mode n is to be cut: given a rank, or of a goal and not too long for its Gram matrix.
@@ -72,6 +74,14 @@ std::vector<std::size_t> cheapest_cuts(std::span<const std::size_t> sizes,
 
 // Bytes of a file, as the request stores it; the request must outlive it.
 TuckerBytes tucker_bytes(const TuckerRequest& request, std::span<const std::uint8_t> factors);
+
+// The ranks that a model with orthonormal factors is cut to by the request's goal, and what squared
+// norm is lost with them; `lost` as below.
+RankChoice ranks_to_goal(const TuckerModel& model, const TuckerRequest& request, double squares,
+                         double lost);
+// The model with these ranks, none above its own: core, factors and groups, without info.
+std::unique_ptr<TuckerModel> leading_model(const TuckerModel& model,
+                                           std::span<const std::size_t> ranks);
 
 // Cuts the ranks of a model with orthonormal factors further, as the request's goal asks or allows;
 // `lost`: squared norm that is lost already. Returns what is lost in all.

@@ -38,6 +38,7 @@ ViewPcaFit encode_view_pca(TileSource& source, const SvdRequest& request, Job& j
     const PcaModel* const pca = view_fit.model.get();
     if (v == 0) fit.method = view_fit.method;
     fit.passes = std::max(fit.passes, view_fit.passes);
+    fit.residual_squares += view_fit.residual * view_fit.residual;
     ranks.push_back(static_cast<std::uint32_t>(pca->rank));
     model->mean.insert(model->mean.end(), pca->mean.begin(), pca->mean.end());
     model->basis.insert(model->basis.end(), pca->basis.begin(), pca->basis.end());

@@ -18,6 +18,7 @@ struct ViewPcaFit {
   std::unique_ptr<ViewPcaModel> model;
   SvdMethod method = SvdMethod::automatic;  // which ran for the first view: all have one shape
   std::size_t passes = 0;                   // the most that a view took
+  double residual_squares = 0;              // |T - T'|^2
 };
 ViewPcaFit encode_view_pca(TileSource& source, const SvdRequest& request, Job& job);
 
