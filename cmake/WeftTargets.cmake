@@ -91,6 +91,35 @@ function(weft_embed_presets target folder)
   install(FILES ${files} DESTINATION ${CMAKE_INSTALL_DATADIR}/weft/materials)
 endfunction()
 
+# Embeds text files as the std::string_views that a header declares: weft_embed_texts(TARGET NAMESPACE
+# HEADER NAME=FILE[+FILE ...] ...); several files follow each other in one text.
+function(weft_embed_texts target namespace header)
+  set(names "")
+  set(groups "")
+  set(all_files "")
+  foreach(entry IN LISTS ARGN)
+    string(REGEX MATCH "^([a-z_]+)=(.*)$" matched ${entry})
+    list(APPEND names ${CMAKE_MATCH_1})
+    string(REPLACE "+" ";" files ${CMAKE_MATCH_2})
+    list(TRANSFORM files PREPEND ${CMAKE_CURRENT_SOURCE_DIR}/)
+    list(APPEND all_files ${files})
+    list(JOIN files "|" group)
+    list(APPEND groups ${group})
+  endforeach()
+  list(JOIN names "," names)
+  list(JOIN groups "," groups)
+  string(REPLACE "/" "_" output ${header})
+  string(REPLACE ".hpp" ".cpp" output ${CMAKE_CURRENT_BINARY_DIR}/texts/${output})
+  add_custom_command(
+    OUTPUT ${output}
+    COMMAND ${CMAKE_COMMAND} -DNAMES=${names} -DFILES=${groups} -DNAMESPACE=${namespace}
+            -DHEADER=${header} -DOUTPUT=${output} -P ${PROJECT_SOURCE_DIR}/cmake/EmbedTexts.cmake
+    DEPENDS ${all_files} ${PROJECT_SOURCE_DIR}/cmake/EmbedTexts.cmake
+    COMMENT "Embedding the texts of ${header}"
+    VERBATIM)
+  target_sources(${target} PRIVATE ${output})
+endfunction()
+
 # A test program: weft_add_test(NAME SOURCES a.cpp ... [LABELS l ...] [TIMEOUT seconds]).
 # One ctest entry per program, because a process start on an OpenCL device is not free.
 function(weft_add_test name)

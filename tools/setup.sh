@@ -18,7 +18,8 @@ build_packages="
   libembree-dev
   ocl-icd-opencl-dev pocl-opencl-icd"
 test_packages="
-  libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy"
+  libgtest-dev python3 python3-numpy oclgrind clang-format clang-tidy
+  chromium chromium-driver python3-selenium"
 
 peer_packages="
   libopenblas-pthread-dev libclblast-dev python3-sklearn python3-scipy python3-pip"

@@ -161,6 +161,9 @@ void add_bench(CLI::App& program, Action& action) {
       ->add_option("--lookups", options->model.lookups, "Random texels of one call, with --model")
       ->check(CLI::Range(1, 100'000'000))
       ->type_name("COUNT");
+  command->add_flag(
+      "!--no-bound", options->model.bound,
+      "With --model, do without the device's peaks and the part of them that is reached");
   command->add_option("--repeat", options->repeat, "Runs of each operation")
       ->check(CLI::Range(1, 1000))
       ->type_name("COUNT");

@@ -31,6 +31,7 @@ void add_reduce(CLI::App& program, Action& action);
 void add_decompress(CLI::App& program, Action& action);
 void add_verify(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
+void add_tradeoff(CLI::App& program, Action& action);
 void add_render(CLI::App& program, Action& action);
 void add_sheet(CLI::App& program, Action& action);
 void add_bench(CLI::App& program, Action& action);
@@ -42,8 +43,8 @@ namespace {
 using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
-    add_synth, add_import, add_compress, add_reduce,  add_decompress, add_verify,
-    add_info,  add_render, add_sheet,    add_devices, add_bench,      add_tune,
+    add_synth,    add_import, add_compress, add_reduce,  add_decompress, add_verify, add_info,
+    add_tradeoff, add_render, add_sheet,    add_devices, add_bench,      add_tune,
 };
 
 constexpr int bad_usage = static_cast<int>(ErrorKind::input);

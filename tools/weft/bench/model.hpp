@@ -11,7 +11,8 @@
 namespace weft {
 
 struct ModelBenchOptions {
-  std::string model;                // a .weft file
+  std::string model;  // a .weft file
+  bool bound = true;  // measure the device's peaks too, and say what part of them is reached
   std::size_t lookups = 1'000'000;  // random look-ups of one call
   std::string filter;               // only measurements whose name contains this
   SelectionOptions selection;       // of the model
