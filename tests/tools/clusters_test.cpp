@@ -57,7 +57,7 @@ TEST_F(ClustersProcess, AreCompressedVerifiedAndExpanded) {
   run({"decompress", path("m.weft"), "-o", path("m.npy")});
   EXPECT_EQ(std::filesystem::file_size(path("e.npy")), std::filesystem::file_size(path("m.npy")));
   run({"decompress", path("m.weft"), "--views", "2,5", "--region", "1,2,4x3", "-o", path("p.npy")});
-  EXPECT_EQ(run({"info", path("m.weft")}).at("codec"), "kcta");
+  EXPECT_EQ(run({"info", path("m.weft")}).at("files").at(0).at("codec"), "kcta");
 }
 
 TEST_F(ClustersProcess, HardClustersAreACodecOfTheirOwn) {
