@@ -157,34 +157,42 @@ TEST_P(Kcta, OneMixtureIsCta) {
   }
 }
 
-std::vector<double> history(TileSource& source, const Parameters& parameters, bool on_device) {
+KctaErrors errors_of(TileSource& source, std::size_t clusters, std::size_t mixtures,
+                     bool on_device) {
   KctaRequest request;
   request.groups = ModeGroups(source.info().shape, "lc");
   request.mode = request.groups.find("v", "");
   request.global_mode = {0, 1, 0, 0};
   request.ranks = {2, 6, 4, 4};
-  request.clusters = std::stoul(parameters.at("clusters"));
-  request.mixtures = std::stoul(parameters.at("mixtures"));
+  request.clusters = clusters;
+  request.mixtures = mixtures;
   request.least_change = 0;
+  request.iterations = 40;
   Job job;
   return (on_device ? fit_kcta(shared_device(), source, request, job)
                     : reference::encode_kcta(source, request, job))
-      .errors.history;
+      .errors;
 }
 
 // Section 5.3, and device against reference step by step.
 TEST_P(Kcta, ErrorsNeverGrow) {
-  const auto source = random_source(shape, DType::f16, 7);
-  for (const char* mixtures : {"1", "2", "3"}) {
-    const Parameters asked{{"clusters", "5"}, {"mixtures", mixtures}};
-    const std::vector<double> errors = history(*source, asked, GetParam());
-    ASSERT_GE(errors.size(), 2U);
-    for (std::size_t i = 1; i < errors.size(); ++i) EXPECT_LE(errors[i], errors[i - 1]);
-    const std::vector<double> others = history(*source, asked, !GetParam());
-    // float products of up to 4096 terms, before choices can differ
-    EXPECT_NEAR(errors[0], others[0], 1e-4 * others[0]);
-    EXPECT_NEAR(errors.back(), others.back(), 0.02 * others.back());
+  bool restored = false;
+  for (const std::uint64_t seed : {7, 8, 9, 10}) {
+    const auto source = random_source(shape, DType::f16, seed);
+    for (std::size_t mixtures = 1; mixtures <= 3; ++mixtures) {
+      const KctaErrors found = errors_of(*source, 5, mixtures, GetParam());
+      const std::vector<double>& errors = found.history;
+      restored = restored || found.restored;
+      ASSERT_GE(errors.size(), 2U);
+      for (std::size_t i = 1; i < errors.size(); ++i) EXPECT_LE(errors[i], errors[i - 1]);
+      if (seed > 7) continue;
+      const std::vector<double> others = errors_of(*source, 5, mixtures, !GetParam()).history;
+      // float products of up to 4096 terms, before choices can differ
+      EXPECT_NEAR(errors[0], others[0], 1e-4 * others[0]);
+      EXPECT_NEAR(errors.back(), others.back(), 0.02 * others.back());
+    }
   }
+  EXPECT_TRUE(restored);  // or nothing of it was tried
 }
 
 TEST_P(Kcta, MoreMixturesAreNoWorse) {
