@@ -106,7 +106,8 @@ TEST_P(EveryCodec, QuantisedModelsSurviveTheirFile) {
     EXPECT_LT(squares, before) << bits << " bits";
     before = squares;
   }
-  // 16 bits: each factor errs by 2^-16 of its largest value at most, a few times that of its mean one
+  // 16 bits: each factor errs by 2^-16 of its largest value at most, a few times that of its mean
+  // one
   EXPECT_LT(before, 40 * 0x1p-32 * reference);
 }
 

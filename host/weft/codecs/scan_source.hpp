@@ -14,7 +14,7 @@ struct SourceScan {
   // [N C]: the mean ABRDF, over the texels of each image and channel; zeros where the source has
   // taken a weighted mean from its values.
   std::vector<float> means;
-  double largest = 0;        // largest magnitude
+  double largest = 0;  // largest magnitude
 };
 
 // Throws an input error that names view, light, texel and channel of the first NaN or infinite
