@@ -172,7 +172,7 @@ TEST_F(Compress, QuantisedModelsServeEverySubcommand) {
     EXPECT_EQ(json::parse(verify.out).at("as_recorded"), true);
     const ProcessResult info = run_weft({"info", file, "--json"});
     EXPECT_EQ(info.status, 0) << info.err;
-    EXPECT_EQ(json::parse(info.out).at("storage"), report.at("storage"));
+    EXPECT_EQ(json::parse(info.out).at("files").at(0).at("storage"), report.at("storage"));
     // the same bytes under another bound on the memory
     const std::string again = path("again.weft");
     EXPECT_EQ(run_weft({"compress", raw(), "--rank", "8", "--storage", storage, "--memory", "90MiB",
