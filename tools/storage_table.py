@@ -23,6 +23,7 @@ CODECS = {
     "view-pca": ["--rank", "8"],
     "lpca": ["--clusters", "16", "--rank", "8"],
     "sparse": ["--k1", "5", "--k2", "8"],
+    "kcta": [],
     "tucker": ["--ranks", "v=24,l=24,y=40,x=40,c=3"],
     "tt": ["--rank", "64"],
 }

@@ -87,8 +87,8 @@ TEST(EntropyCode, TakesLittleMoreThanTheEntropy) {
     const double bits =
         8.0 * static_cast<double>(entropy_code(numbers, codes, layout, {}).size()) / total;
     EXPECT_GT(bits, entropy - 0.01);
-    // a prefix code wastes less than a bit a symbol
-    EXPECT_LT(bits, entropy + 1) << name_of(layout);
+    // a prefix code may waste up to a bit a symbol, and on so many symbols wastes much less
+    EXPECT_LT(bits, entropy + 0.15) << name_of(layout);
   }
 }
 

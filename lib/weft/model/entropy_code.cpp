@@ -6,6 +6,7 @@
 #include <bit>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "weft/error.hpp"
 
@@ -41,18 +42,42 @@ std::uint32_t from_zigzag(std::uint32_t word) {
   return (word >> 1) ^ (0u - (word & 1));
 }
 
-void append_frame(std::span<const std::byte> bytes, std::vector<std::byte>& blob) {
+// How a frame is made. Where bytes repeat, as those of grey channels do, a search for matches pays;
+// where they are noise it finds short ones, which take more than the prefix code of the bytes
+// alone.
+enum class Search : std::uint8_t { matches, none };
+
+std::vector<std::byte> frame_of(std::span<const std::byte> bytes, Search search) {
   const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
                                                                      &ZSTD_freeCCtx);
   if (!context) fail_runtime("zstd: no room for a compression context");
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, level);
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_contentSizeFlag, 0);  // the tensor's shape says it
-  const std::size_t before = blob.size();
-  blob.resize(before + ZSTD_compressBound(bytes.size()));
-  const std::size_t size = ZSTD_compress2(context.get(), blob.data() + before, blob.size() - before,
-                                          bytes.data(), bytes.size());
+  const auto set = [&](ZSTD_cParameter parameter, int value) {
+    ZSTD_CCtx_setParameter(context.get(), parameter, value);
+  };
+  set(ZSTD_c_contentSizeFlag, 0);  // the tensor's shape says it
+  set(ZSTD_c_compressionLevel, search == Search::none ? 1 : level);
+  if (search == Search::none) {
+    constexpr int least_log = 6;
+    constexpr int longest_least_match = 7;
+    set(ZSTD_c_strategy, ZSTD_fast);
+    set(ZSTD_c_minMatch, longest_least_match);
+    set(ZSTD_c_hashLog, least_log);
+    set(ZSTD_c_chainLog, least_log);
+    set(ZSTD_c_searchLog, 1);
+  }
+  std::vector<std::byte> frame(ZSTD_compressBound(bytes.size()));
+  const std::size_t size =
+      ZSTD_compress2(context.get(), frame.data(), frame.size(), bytes.data(), bytes.size());
   if (ZSTD_isError(size) != 0) fail_runtime("zstd: {}", ZSTD_getErrorName(size));
-  blob.resize(before + size);
+  frame.resize(size);
+  return frame;
+}
+
+void append_frame(std::span<const std::byte> bytes, std::vector<std::byte>& blob) {
+  std::vector<std::byte> frame = frame_of(bytes, Search::matches);
+  std::vector<std::byte> other = frame_of(bytes, Search::none);
+  if (other.size() < frame.size()) frame = std::move(other);
+  blob.insert(blob.end(), frame.begin(), frame.end());
 }
 
 // Reads frames one after the other.
