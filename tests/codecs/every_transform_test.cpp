@@ -38,7 +38,8 @@ class EveryTransform : public testing::TestWithParam<CodecRun> {
       request.parameters["atoms"] = "1024";
       request.parameters["iterations"] = "3";
     }
-    request.storage = storage;
+    request.storage.kind =
+        storage == Storage::f16 ? StorageRequest::Kind::half : StorageRequest::Kind::single;
     request.colour = {kind, {1, 0.5, 2}};
     return compress(run().on_device ? &shared_device() : nullptr, source, request, job).model;
   }
