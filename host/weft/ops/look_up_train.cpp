@@ -48,6 +48,14 @@ unsigned group_of(Mode mode) {
   return mode == Mode::light ? 4 : 1;
 }
 
+constexpr std::size_t step_bytes = mode_count * 4 * sizeof(std::uint64_t);
+
+std::size_t core_bytes(const TtModel& model) {
+  std::size_t floats = 0;
+  for (const Layout& layout : layouts(model)) floats += layout.floats(model);
+  return floats * sizeof(float);
+}
+
 }  // namespace
 
 TrainCores::TrainCores(Device& device, const TtModel& model)
@@ -55,8 +63,8 @@ TrainCores::TrainCores(Device& device, const TtModel& model)
       right_steps_(mode_count - 1 - left_steps_),
       left_rank_(model.ranks[left_steps_]),
       right_rank_(model.ranks[left_steps_ + 1]),
-      cores_(device, bytes(model), "cores of a train"),
-      steps_(device, mode_count * 4 * sizeof(std::uint64_t), "steps of a train") {
+      cores_(device, core_bytes(model), "cores of a train"),
+      steps_(device, step_bytes, "steps of a train") {
   std::vector<std::uint64_t> steps;
   std::vector<float> cores(cores_.size() / sizeof(float), 0.0f);
   std::size_t offset = 0;
@@ -91,9 +99,7 @@ TrainCores::TrainCores(Device& device, const TtModel& model)
 }
 
 std::size_t TrainCores::bytes(const TtModel& model) {
-  std::size_t floats = 0;
-  for (const Layout& layout : layouts(model)) floats += layout.floats(model);
-  return floats * sizeof(float);
+  return core_bytes(model) + step_bytes;
 }
 
 void look_up_train(Device& device, const LookupBatch& batch, const TrainCores& cores) {
