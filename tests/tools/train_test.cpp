@@ -80,6 +80,7 @@ TEST_F(TrainProcess, SaysHowFastItIs) {
   EXPECT_GT(report.at("texel_time").get<double>(), 0);
   EXPECT_GT(report.at("images").at("rate").get<double>(), 0);
   EXPECT_GT(report.at("look_ups").at("unsorted").get<double>(), 0);
+  EXPECT_GT(report.at("look_ups").at("filtered").get<double>(), 0);
   EXPECT_EQ(run_weft({"bench", "--model", path("cloth.safetensors")}).status, 2);
 
   const ProcessResult texel =

@@ -1,6 +1,7 @@
 #include "bench/model.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <memory>
 #include <numeric>
@@ -48,6 +49,33 @@ std::vector<std::uint32_t> sorted_by_texel(const std::vector<std::uint32_t>& rec
     for (std::size_t word = 0; word < 3; ++word) sorted.push_back(records[3 * i + word]);
   }
   return sorted;
+}
+
+// Random texels, views and lights of equal weights.
+std::vector<std::uint32_t> random_filtered(const LookupShape& lookup, const BtfShape& shape,
+                                           std::size_t count) {
+  std::vector<std::uint32_t> records;
+  records.reserve(lookup.words() * count);
+  std::uint64_t drawn = 0;
+  const auto add = [&](std::size_t taps, std::size_t limit) {
+    for (std::size_t t = 0; t < taps; ++t) {
+      const std::uint64_t value = reference::splitmix64(2, drawn++) >> 32;
+      records.push_back(static_cast<std::uint32_t>(value % limit));
+    }
+  };
+  const auto weigh = [&](std::size_t taps) {
+    records.insert(records.end(), taps,
+                   std::bit_cast<std::uint32_t>(1.0f / static_cast<float>(taps)));
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    add(lookup.texels, shape.texels());
+    add(lookup.views, shape.views);
+    add(lookup.lights, shape.lights);
+    weigh(lookup.texels);
+    weigh(lookup.views);
+    weigh(lookup.lights);
+  }
+  return records;
 }
 
 double texel_seconds(const Model& model) {
@@ -125,17 +153,19 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
   Report& lookups = report.section("look_ups");
   lookups.add("count", options.lookups);
   Buffer out(device, options.lookups * shape.channels * sizeof(float), "looked up");
-  const auto rate = [&](const std::vector<std::uint32_t>& records) {
+  const auto rate = [&](const LookupShape& lookup, const std::vector<std::uint32_t>& records) {
+    const std::size_t count = records.size() / lookup.words();
     Buffer in(device, records.size() * sizeof(std::uint32_t), "look-ups");
     device.write(in, std::span<const std::uint32_t>(records));
-    const Times times = measure(device, 1, [&] {
-      sampler->look_up({1, 1, 1}, options.lookups, in, out);
-    });
-    return static_cast<double>(options.lookups) / times.least;
+    const Times times = measure(device, 1, [&] { sampler->look_up(lookup, count, in, out); });
+    return static_cast<double>(count) / times.least;
   };
   const std::vector<std::uint32_t> records = random_records(shape, options.lookups);
-  lookups.add("unsorted", rate(records), "/s");
-  lookups.add("sorted_by_texel", rate(sorted_by_texel(records)), "/s");
+  constexpr LookupShape single{1, 1, 1}, filtered{4, 3, 3};
+  lookups.add("unsorted", rate(single, records), "/s");
+  lookups.add("sorted_by_texel", rate(single, sorted_by_texel(records)), "/s");
+  const std::size_t fewer = std::max<std::size_t>(options.lookups / 10, 1);
+  lookups.add("filtered", rate(filtered, random_filtered(filtered, shape, fewer)), "/s");
 }
 
 }  // namespace weft

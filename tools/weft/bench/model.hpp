@@ -23,7 +23,8 @@ struct ModelBenchOptions {
 //   texel          mean of 1000 random texels by Model::decode_texel, one thread of the host;
 //                  of tucker and tt also its products and sums
 //   images         all of them on the device, beside what their flops and bytes take at the peaks
-//   look_ups       random (texel, view, light) in one call, as they come and sorted by texel
+//   look_ups       random (texel, view, light) in one call, as they come and sorted by texel; and a
+//                  tenth as many of 4 texels, 3 views and 3 lights, random too
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report);
 
 }  // namespace weft
