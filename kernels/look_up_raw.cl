@@ -8,6 +8,9 @@
 // Views and lights are taken in ascending order of their indices, and runs come in ascending order,
 // so that a sum is the same whatever the runs. With NAN_ZERO, NaN and infinite values count as 0.
 //
+// And look-ups in single values that came from elsewhere: their taps in the order [a][b][t], and the sum
+// of these taps' values with the weights of the record.
+//
 // Work-item (block of LOOKUPS look-ups). Macros: look_up_record.cl, and VALUE of tile_values.cl.
 #include "tile_values.cl"
 #include "look_up_record.cl"
@@ -80,5 +83,54 @@ __kernel void look_up_raw(ulong count, ulong lights, ulong texels, ulong first, 
       }
     }
     for (uint c = 0; c < CHANNELS; ++c) out[i * CHANNELS + c] = sums[c];
+  }
+}
+
+// taps[i, a, b, t] = (p_t, v_a, l_b) of look-ups [first, first + count): records of one tap each.
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void expand_taps(ulong first, ulong count, __global const uint* restrict lookups,
+                          __global uint* restrict taps) {
+  const ulong end = min((get_global_id(0) + 1) * LOOKUPS, count);
+  for (ulong i = get_global_id(0) * LOOKUPS; i < end; ++i) {
+    __global const uint* record = lookups + (first + i) * WORDS;
+    __global uint* tap = taps + i * (VIEWS * LIGHTS * TEXELS * 3);
+    for (uint a = 0; a < VIEWS; ++a) {
+      for (uint b = 0; b < LIGHTS; ++b) {
+        for (uint t = 0; t < TEXELS; ++t, tap += 3) {
+          tap[0] = texel_of(record, t);
+          tap[1] = view_of(record, a);
+          tap[2] = light_of(record, b);
+        }
+      }
+    }
+  }
+}
+
+// out[first + i, c] = sum_{a,b} v_a w_b sum_t u_t values[i, a, b, t, c], in this order. A tap of weight
+// zero is not looked at.
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void sum_taps(ulong first, ulong count, __global const uint* restrict lookups,
+                       __global const float* restrict values, __global float* restrict out) {
+  const ulong end = min((get_global_id(0) + 1) * LOOKUPS, count);
+  for (ulong i = get_global_id(0) * LOOKUPS; i < end; ++i) {
+    __global const uint* record = lookups + (first + i) * WORDS;
+    __global const float* tap = values + i * (VIEWS * LIGHTS * TEXELS * CHANNELS);
+    float sums[CHANNELS];
+    for (uint c = 0; c < CHANNELS; ++c) sums[c] = 0.0f;
+    for (uint a = 0; a < VIEWS; ++a) {
+      for (uint b = 0; b < LIGHTS; ++b, tap += TEXELS * CHANNELS) {
+        const float weight = view_weight(record, a) * light_weight(record, b);
+        if (weight == 0.0f) continue;
+        for (uint c = 0; c < CHANNELS; ++c) {
+          float value = 0.0f;
+          for (uint t = 0; t < TEXELS; ++t) {
+            const float u = texel_weight(record, t);
+            if (u != 0.0f) value = fma(u, tap[t * CHANNELS + c], value);
+          }
+          sums[c] = fma(weight, value, sums[c]);
+        }
+      }
+    }
+    for (uint c = 0; c < CHANNELS; ++c) out[(first + i) * CHANNELS + c] = sums[c];
   }
 }

@@ -173,8 +173,8 @@ TEST_P(EveryTransform, ChannelsAndPartsAreThoseOfTheWhole) {
   }
 }
 
-// Look-ups interpolate what was fitted, and the transform is inverted on that.
-TEST_P(EveryTransform, LookupsInvertWhatTheyInterpolate) {
+// Look-ups interpolate what the model decodes to, whatever the transform.
+TEST_P(EveryTransform, LookupsInterpolateDecodedTexels) {
   const BtfShape shape{3, 4, 5, 6, 3};
   const LookupShape lookup{4, 3, 3};
   const std::size_t count = 65;
@@ -189,13 +189,12 @@ TEST_P(EveryTransform, LookupsInvertWhatTheyInterpolate) {
       const Lookup taps(lookup, std::span(records).subspan(i * lookup.words(), lookup.words()));
       for (std::size_t n = 0; n < 36; ++n) {
         const std::size_t t = n % 4, v = n / 4 % 3, l = n / 12;
-        model->fitted_texel(taps.views[v], taps.lights[l], taps.texels[t] / shape.width,
+        model->decode_texel(taps.views[v], taps.lights[l], taps.texels[t] / shape.width,
                             taps.texels[t] % shape.width, texel);
         const double weight = taps.texel_weight(t) * taps.view_weight(v) * taps.light_weight(l);
         for (std::size_t c = 0; c < 3; ++c) expected[i * 3 + c] += weight * texel[c];
       }
     }
-    model->info.colour_transform.invert_all(3, expected);
     const double tolerance = lookup_tolerance(run().get(), *model, lookup);
     std::vector<double> by_reference(count * 3);
     run().get().reference_sampler(*model)->look_up(lookup, records, by_reference);
@@ -221,6 +220,46 @@ TEST_P(EveryTransform, LookupsInvertWhatTheyInterpolate) {
         ->look_up(lookup, count, lookups.buffer(), one.buffer());
     EXPECT_TRUE(all_near(one.values<float>(), blues, tolerance));
     EXPECT_TRUE(one.intact());
+  }
+}
+
+// More look-ups than a sampler takes the taps of at a time, and the memory that it plans for.
+TEST_P(EveryTransform, LookupsOfManyChunksGiveTheSameBits) {
+  if (!run().on_device) return;  // the sampler is the same
+  Device& device = shared_device();
+  const BtfShape shape{3, 4, 5, 6, 3};
+  const LookupShape lookup{4, 3, 3};
+  const std::size_t count = 6000, last = 1201, plain = 65;
+  const auto source = bright_source(shape);
+  Random random(12);
+  const std::vector<std::uint32_t> records = random_lookups(lookup, shape, count, random);
+  const std::vector<std::uint32_t> singles = random_lookups({1, 1, 1}, shape, plain, random);
+  for (const Kind kind : {Kind::log, Kind::logluv}) {
+    SCOPED_TRACE(name_of(kind));
+    const auto model = compressed(*source, kind, 4, Storage::f16);
+    const std::size_t before = device.allocated();
+    const auto sampler = run().get().sampler(device, *model);
+    EXPECT_LE(device.allocated() - before, run().get().sampler_bytes(*model));
+    const auto found = [&](const LookupShape& of, std::span<const std::uint32_t> some) {
+      const std::size_t n = some.size() / of.words();
+      GuardedBuffer lookups(device, some, "look-ups");
+      GuardedBuffer out(device, n * 3 * sizeof(float), "values");
+      sampler->look_up(of, n, lookups.buffer(), out.buffer());
+      EXPECT_TRUE(out.intact());
+      return out.values<float>();
+    };
+    const std::vector<float> whole = found(lookup, records);
+    EXPECT_TRUE(all_equal(found(lookup, std::span(records).last(last * lookup.words())),
+                          std::span(whole).last(last * 3)));
+    // plain ones are texels
+    std::vector<double> texels(plain * 3);
+    for (std::size_t i = 0; i < plain; ++i) {
+      const std::size_t p = singles[3 * i];
+      model->decode_texel(singles[3 * i + 1], singles[3 * i + 2], p / shape.width, p % shape.width,
+                          std::span(texels).subspan(3 * i, 3));
+    }
+    EXPECT_TRUE(all_near(found({1, 1, 1}, singles), texels,
+                         lookup_tolerance(run().get(), *model, {1, 1, 1})));
   }
 }
 

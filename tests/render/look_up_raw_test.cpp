@@ -150,6 +150,71 @@ TEST(LookUpRaw, SmallSumOfSingleImages) {
   EXPECT_TRUE(all_equal(sums[7], sums.back()));
 }
 
+// The taps of records [first, first + count) and their sums, against the reference. Values where a
+// weight is zero are NaN: they are not looked at.
+void expect_taps(const LookupShape& lookup, std::size_t channels, std::size_t first,
+                 std::size_t count) {
+  SCOPED_TRACE(testing::Message() << count << " look-ups of " << lookup.texels << " x "
+                                  << lookup.views << " x " << lookup.lights << " from " << first);
+  Device& device = shared_device();
+  const BtfShape shape{5, 6, 7, 8, channels};
+  const auto records = random_lookups(lookup, shape, first + count);
+  const auto part = std::span<const std::uint32_t>(records).subspan(first * lookup.words());
+  const std::size_t taps = ops::taps_of(lookup);
+  GuardedBuffer lookups(device, std::span<const std::uint32_t>(records), "look-ups");
+  GuardedBuffer expanded(device, count * taps * 3 * sizeof(std::uint32_t), "taps");
+  ops::expand_taps(device, lookup, first, count, lookups.buffer(), expanded.buffer());
+  EXPECT_EQ(expanded.values<std::uint32_t>(), reference::expand_taps(lookup, part));
+  EXPECT_TRUE(expanded.intact());
+
+  std::vector<float> values = random_floats(count * taps * channels, 5, -1, 1);
+  for (std::size_t i = 0; i < count * taps; ++i) {
+    const Lookup record(lookup, part.subspan(i / taps * lookup.words(), lookup.words()));
+    const std::size_t t = i % lookup.texels, b = i / lookup.texels % lookup.lights;
+    const std::size_t a = i / lookup.texels / lookup.lights % lookup.views;
+    if (record.texel_weight(t) * record.view_weight(a) * record.light_weight(b) == 0) {
+      values[i * channels] = std::numeric_limits<float>::quiet_NaN();
+    }
+  }
+  std::vector<double> expected(count * channels);
+  reference::sum_taps(lookup, part, channels, std::vector<double>(values.begin(), values.end()),
+                      expected);
+  GuardedBuffer found(device, std::span<const float>(values), "values of taps");
+  const std::vector<float> before(first * channels, -1.0f);
+  GuardedBuffer out(device, (first + count) * channels * sizeof(float), "values");
+  if (first > 0) device.write(out.buffer(), std::span<const float>(before));
+  ops::sum_taps(device, lookup, channels, first, count, lookups.buffer(), found.buffer(),
+                out.buffer());
+  const std::vector<float> all = out.values<float>();
+  EXPECT_TRUE(all_equal(std::span(all).first(before.size()), before));
+  // values in [-1, 1], weights below 1
+  const auto terms = static_cast<double>(taps);
+  EXPECT_TRUE(
+      all_near(std::span(all).subspan(before.size()), expected,
+               terms * gamma(static_cast<double>(lookup.texels + lookup.views * lookup.lights + 1),
+                             float_roundoff)));
+  EXPECT_TRUE(out.intact());
+  EXPECT_TRUE(found.intact());
+  EXPECT_TRUE(lookups.intact());
+}
+
+TEST(LookUpTaps, SmallOfEveryShape) {
+  for (const std::size_t texels : Sizes{1, 4}) {
+    for (const std::size_t views : Sizes{1, 3}) {
+      for (const std::size_t lights : Sizes{1, 3}) expect_taps({texels, views, lights}, 3, 2, 3);
+    }
+  }
+  expect_taps({4, 3, 3}, 1, 0, 1);
+}
+
+TEST(LookUpTaps, StraddlesBlocks) {
+  for (const std::size_t count : Sizes{1, 63, 64, 65, 300}) {
+    expect_taps({4, 3, 3}, 3, 0, count);
+    expect_taps({1, 3, 1}, 4, 65, count);
+    expect_taps({4, 1, 1}, 31, 3, count);
+  }
+}
+
 // Averages of 2 x 2, of 2 x 1 in the last column and row; images before and after are left alone.
 TEST(LookUpRaw, SmallMipLevel) {
   Device& device = shared_device();

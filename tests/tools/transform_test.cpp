@@ -166,6 +166,39 @@ TEST(TransformOption, HalfOutputOfBrightDataIsFinite) {
   }
 }
 
+// A picture interpolates decoded values, as one of the raw BTF does: between few directions and
+// texels a model under log is as close to that as the model of the same size without, and one that
+// holds everything is as the raw BTF is.
+TEST(TransformOption, PicturesAreAsCloseAsWithoutATransform) {
+  const TemporaryFolder folder;
+  const std::string raw = folder / "raw.safetensors", model = folder / "m.weft";
+  const ProcessResult made =
+      run_weft({"synth", "--material", "hammered", "--size", "16", "--samples", "1", "--dtype",
+                "f32", "--view-set", "12", "--light-set", "12", "-o", raw});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const auto shown_psnr = [&](const std::vector<std::string>& fit, const std::string& device) {
+    std::vector<std::string> arguments{"compress", raw, "-o", model};
+    arguments.insert(arguments.end(), fit.begin(), fit.end());
+    const ProcessResult fitted = run_weft(arguments);
+    EXPECT_EQ(fitted.status, 0) << fitted.err;
+    const ProcessResult picture =
+        run_weft({"render", model, "--compare", raw, "--size", "48", "--device", device, "--json",
+                  "-o", folder / "ball.png"});
+    EXPECT_EQ(picture.status, 0) << picture.err;
+    return json::parse(picture.out).at("errors_as_shown").at("psnr").get<double>();
+  };
+  const auto of_rank = [&](const std::string& codec, const std::string& transform) {
+    return shown_psnr({"--codec", codec, "--rank", "10", "--transform", transform}, "auto");
+  };
+  const double plain = of_rank("pca", "none");
+  EXPECT_GE(of_rank("pca", "log"), plain);
+  EXPECT_GE(of_rank("pca", "logluv"), plain);
+  EXPECT_GE(of_rank("tt", "log"), of_rank("tt", "none") - 0.5);
+  for (const std::string device : {"auto", "reference"}) {
+    EXPECT_GE(shown_psnr({"--rank", "432", "--storage", "f32", "--transform", "log"}, device), 60);
+  }
+}
+
 // A train is cut in the terms that it was fitted in; factors are cut and multiplied in as they are.
 TEST(TransformOption, StaysWithWhatIsMadeOfAModel) {
   const TemporaryFolder folder;

@@ -104,7 +104,7 @@ std::unique_ptr<DeviceSampler> Codec::sampler(Device& device, const Model& model
 
 std::size_t Codec::sampler_bytes(const Model& model) const {
   if (const ChannelPart* part = as_part(model)) return sampler_bytes(part->whole());
-  return fitted_sampler_bytes(model) + inverse_bytes(model);
+  return fitted_sampler_bytes(model) + sampler_inverse_bytes(model);
 }
 
 bool Codec::separates_texels(const Parameters& parameters, const BtfShape& shape) const {
@@ -149,15 +149,24 @@ std::unique_ptr<Model> Codec::fitted_mip_level(const Model& model) const {
 
 // A fitted value is a sum of n >= 1 terms, whose bound is gamma_n times their magnitude. Weights
 // join m = T + V L + 2 roundings to each term, in whatever order the sums are taken, and gamma_{n +
-// m} <= (1 + m) gamma_n / (1 - m n u), where one more covers the denominator. The transform is
-// inverted on the sum.
+// m} <= (1 + m) gamma_n / (1 - m n u), where one more covers the denominator. A linear transform is
+// inverted on the sum. Another is on each tap, looked up by itself, and weights join T + V L + 1
+// roundings to what is decoded: inverted_error is at least 8 u times the largest magnitude of that,
+// so they add an eighth of it each, where two more cover the denominator and the weights' own
+// rounding.
 double lookup_tolerance(const Codec& codec, const Model& model, const LookupShape& lookup) {
   if (const ChannelPart* part = as_part(model)) {
     return lookup_tolerance(codec, part->whole(), lookup);
   }
-  return inverted_error(model.info.colour_transform, model.info.btf.shape.channels,
-                        static_cast<double>(lookup.texels + lookup.views * lookup.lights + 4) *
-                            codec.fitted_tolerance(model));
+  const ColourTransform& transform = model.info.colour_transform;
+  const auto error = [&](const LookupShape& shape) {
+    return inverted_error(transform, model.info.btf.shape.channels,
+                          static_cast<double>(shape.texels + shape.views * shape.lights + 4) *
+                              codec.fitted_tolerance(model));
+  };
+  if (transform.is_linear() || lookup == LookupShape{1, 1, 1}) return error(lookup);
+  const auto roundings = static_cast<double>(lookup.texels + lookup.views * lookup.lights + 3);
+  return (1 + roundings / 8) * error({1, 1, 1});
 }
 
 std::span<const Codec* const> codecs() {

@@ -109,9 +109,9 @@ class Codec {
   std::size_t decoder_bytes(const Model& model) const;
   std::unique_ptr<ReferenceDecoder> reference_decoder(const Model& model) const;
 
-  // Look-ups in a model, and the bytes of device memory that they take. What a model with a
-  // nonlinear colour transform interpolates is what was fitted, on which the transform is inverted
-  // then.
+  // Look-ups in a model, and the bytes of device memory that they take. What is interpolated are
+  // decoded values: a model with a nonlinear colour transform looks up every tap by itself, which
+  // takes longer.
   std::unique_ptr<DeviceSampler> sampler(Device& device, const Model& model) const;
   std::size_t sampler_bytes(const Model& model) const;
   std::unique_ptr<ReferenceSampler> reference_sampler(const Model& model) const;

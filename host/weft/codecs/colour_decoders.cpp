@@ -7,6 +7,8 @@
 
 #include "weft/device/tile_stream.hpp"
 #include "weft/ops/invert_colour.hpp"
+#include "weft/ops/look_up_raw.hpp"
+#include "weft/reference/lookup.hpp"
 
 namespace weft {
 namespace {
@@ -34,6 +36,7 @@ class InvertingDecoder final : public DeviceDecoder {
   ops::InverseColour inverse_;
 };
 
+// Linear transforms are inverted on what is interpolated.
 class InvertingSampler final : public DeviceSampler {
  public:
   InvertingSampler(Device& device, const Model& model, std::unique_ptr<DeviceSampler> fitted)
@@ -54,6 +57,64 @@ class InvertingSampler final : public DeviceSampler {
   Device& device_;
   std::unique_ptr<DeviceSampler> fitted_;
   ops::InverseColour inverse_;
+};
+
+constexpr LookupShape one_tap{1, 1, 1};
+constexpr std::size_t tap_bytes = std::size_t{1} << 22;  // of taps and their values at a time
+
+// Taps that are looked up at a time: those of one look-up at least.
+std::size_t tap_room(std::size_t channels) {
+  const std::size_t each = one_tap.words() * sizeof(std::uint32_t) + channels * sizeof(float);
+  return std::max(tap_bytes / each, ops::taps_of({4, 3, 3}));
+}
+
+// Sums of decoded texels, where they are not what sums of fitted ones decode to.
+class TapSampler final : public DeviceSampler {
+ public:
+  TapSampler(Device& device, const Model& model, std::unique_ptr<DeviceSampler> fitted)
+      : device_(device),
+        fitted_(std::move(fitted)),
+        channels_(model.info.btf.shape.channels),
+        inverse_(device, model.info.colour_transform, channels_),
+        room_(tap_room(channels_)),
+        taps_(device, room_ * one_tap.words() * sizeof(std::uint32_t), "taps of look-ups"),
+        values_(device, room_ * channels_ * sizeof(float), "values of taps") {}
+
+  void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
+               Buffer& out) override {
+    const std::size_t taps = ops::taps_of(lookup);
+    if (taps == 1) {
+      fitted_->look_up(lookup, count, lookups, out);
+      inverse_.invert(device_, count, out);
+      return;
+    }
+    const std::size_t run = room_ / taps;
+    for (std::size_t first = 0; first < count; first += run) {
+      const std::size_t n = std::min(run, count - first);
+      ops::expand_taps(device_, lookup, first, n, lookups, taps_);
+      fitted_->look_up(one_tap, n * taps, taps_, values_);
+      inverse_.invert(device_, n * taps, values_);
+      ops::sum_taps(device_, lookup, channels_, first, n, lookups, values_, out);
+    }
+  }
+  double lookup_flops(const LookupShape& lookup) const override {
+    return static_cast<double>(ops::taps_of(lookup)) *
+           (fitted_->lookup_flops(one_tap) + inverse_.texel_flops() +
+            2 * static_cast<double>(channels_));
+  }
+
+  static std::size_t bytes(std::size_t channels) {
+    return tap_room(channels) *
+           (one_tap.words() * sizeof(std::uint32_t) + channels * sizeof(float));
+  }
+
+ private:
+  Device& device_;
+  std::unique_ptr<DeviceSampler> fitted_;
+  std::size_t channels_;
+  ops::InverseColour inverse_;
+  std::size_t room_;
+  Buffer taps_, values_;
 };
 
 class InvertingReferenceDecoder final : public ReferenceDecoder {
@@ -82,6 +143,33 @@ class InvertingReferenceSampler final : public ReferenceSampler {
                std::span<double> out) override {
     fitted_->look_up(lookup, lookups, out);
     model_.info.colour_transform.invert_all(model_.info.btf.shape.channels, out);
+  }
+
+ private:
+  const Model& model_;
+  std::unique_ptr<ReferenceSampler> fitted_;
+};
+
+class TapReferenceSampler final : public ReferenceSampler {
+ public:
+  TapReferenceSampler(const Model& model, std::unique_ptr<ReferenceSampler> fitted)
+      : model_(model), fitted_(std::move(fitted)) {}
+
+  void look_up(const LookupShape& lookup, std::span<const std::uint32_t> lookups,
+               std::span<double> out) override {
+    const std::size_t channels = model_.info.btf.shape.channels;
+    const std::size_t words = lookup.words(), count = lookups.size() / words;
+    constexpr std::size_t run = 256;
+    std::vector<double> values;
+    for (std::size_t first = 0; first < count; first += run) {
+      const std::size_t n = std::min(run, count - first);
+      const auto records = lookups.subspan(first * words, n * words);
+      values.resize(n * ops::taps_of(lookup) * channels);
+      fitted_->look_up(one_tap, reference::expand_taps(lookup, records), values);
+      model_.info.colour_transform.invert_all(channels, values);
+      reference::sum_taps(lookup, records, channels, values,
+                          out.subspan(first * channels, n * channels));
+    }
   }
 
  private:
@@ -234,6 +322,9 @@ std::unique_ptr<DeviceDecoder> with_inverse(Device& device, const Model& model,
 std::unique_ptr<DeviceSampler> with_inverse(Device& device, const Model& model,
                                             std::unique_ptr<DeviceSampler> fitted) {
   if (model.info.colour_transform.is_identity()) return fitted;
+  if (!model.info.colour_transform.is_linear()) {
+    return std::make_unique<TapSampler>(device, model, std::move(fitted));
+  }
   return std::make_unique<InvertingSampler>(device, model, std::move(fitted));
 }
 
@@ -246,6 +337,9 @@ std::unique_ptr<ReferenceDecoder> with_inverse(const Model& model,
 std::unique_ptr<ReferenceSampler> with_inverse(const Model& model,
                                                std::unique_ptr<ReferenceSampler> fitted) {
   if (model.info.colour_transform.is_identity()) return fitted;
+  if (!model.info.colour_transform.is_linear()) {
+    return std::make_unique<TapReferenceSampler>(model, std::move(fitted));
+  }
   return std::make_unique<InvertingReferenceSampler>(model, std::move(fitted));
 }
 
@@ -253,6 +347,13 @@ std::size_t inverse_bytes(const Model& model) {
   const ModelInfo& info = model.info;
   if (info.colour_transform.is_identity()) return 0;
   return ops::InverseColour::bytes(info.colour_transform, info.btf.shape.channels);
+}
+
+std::size_t sampler_inverse_bytes(const Model& model) {
+  const ModelInfo& info = model.info;
+  const std::size_t taps =
+      info.colour_transform.is_linear() ? 0 : TapSampler::bytes(info.btf.shape.channels);
+  return inverse_bytes(model) + taps;
 }
 
 std::unique_ptr<DeviceDecoder> with_channels(Device& device, const BtfShape& whole,

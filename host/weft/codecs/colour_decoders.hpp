@@ -11,7 +11,8 @@
 namespace weft {
 
 // The given decoder or sampler of `model` with the inverse of its colour transform behind it;
-// itself where there is none.
+// itself where there is none. Samplers interpolate decoded values; where the transform is not
+// linear, they look up single taps with the given one, invert these and sum them.
 std::unique_ptr<DeviceDecoder> with_inverse(Device& device, const Model& model,
                                             std::unique_ptr<DeviceDecoder> fitted);
 std::unique_ptr<DeviceSampler> with_inverse(Device& device, const Model& model,
@@ -20,8 +21,9 @@ std::unique_ptr<ReferenceDecoder> with_inverse(const Model& model,
                                                std::unique_ptr<ReferenceDecoder> fitted);
 std::unique_ptr<ReferenceSampler> with_inverse(const Model& model,
                                                std::unique_ptr<ReferenceSampler> fitted);
-// Bytes of device memory that they take beside the given one.
+// Bytes of device memory that the decoder, and the sampler, takes beside the given one.
 std::size_t inverse_bytes(const Model& model);
+std::size_t sampler_inverse_bytes(const Model& model);
 
 // Some channels of what a decoder or sampler of a BTF of shape `whole` gives. A sampler keeps
 // whole.channels floats for each look-up of the largest call.

@@ -18,6 +18,22 @@ void look_up_raw(Device& device, const LookupBatch& batch, DType dtype, std::siz
   launch_items(device, kernel, ceil_div(batch.count, lookup_block(device)));
 }
 
+void expand_taps(Device& device, const LookupShape& lookup, std::size_t first, std::size_t count,
+                 const Buffer& lookups, Buffer& taps) {
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::look_up_raw, lookup_options(device, lookup, 1), "expand_taps");
+  set_arguments(kernel, ulong(first), ulong(count), lookups, taps);
+  launch_items(device, kernel, ceil_div(count, lookup_block(device)));
+}
+
+void sum_taps(Device& device, const LookupShape& lookup, std::size_t channels, std::size_t first,
+              std::size_t count, const Buffer& lookups, const Buffer& values, Buffer& out) {
+  const cl_kernel kernel = device.kernel(kernel_sources::look_up_raw,
+                                         lookup_options(device, lookup, channels), "sum_taps");
+  set_arguments(kernel, ulong(first), ulong(count), lookups, values, out);
+  launch_items(device, kernel, ceil_div(count, lookup_block(device)));
+}
+
 void reduce_mip(Device& device, const BtfInfo& info, std::size_t images, std::size_t first_in,
                 const Buffer& in, std::size_t first_out, Buffer& out) {
   const BtfShape& shape = info.shape;

@@ -109,4 +109,40 @@ std::unique_ptr<ReferenceSampler> tile_sampler(TileSource& source) {
   return std::make_unique<TileSampler>(source);
 }
 
+std::vector<std::uint32_t> expand_taps(const LookupShape& lookup,
+                                       std::span<const std::uint32_t> lookups) {
+  std::vector<std::uint32_t> records;
+  for (std::size_t i = 0; i * lookup.words() < lookups.size(); ++i) {
+    const Lookup taps(lookup, lookups.subspan(i * lookup.words(), lookup.words()));
+    for (const std::uint32_t view : taps.views) {
+      for (const std::uint32_t light : taps.lights) {
+        for (const std::uint32_t texel : taps.texels) {
+          records.insert(records.end(), {texel, view, light});
+        }
+      }
+    }
+  }
+  return records;
+}
+
+void sum_taps(const LookupShape& lookup, std::span<const std::uint32_t> lookups,
+              std::size_t channels, std::span<const double> values, std::span<double> out) {
+  std::fill(out.begin(), out.end(), 0.0);
+  std::size_t tap = 0;
+  for (std::size_t i = 0; i * lookup.words() < lookups.size(); ++i) {
+    const Lookup taps(lookup, lookups.subspan(i * lookup.words(), lookup.words()));
+    for (std::size_t a = 0; a < lookup.views; ++a) {
+      for (std::size_t b = 0; b < lookup.lights; ++b) {
+        for (std::size_t t = 0; t < lookup.texels; ++t, ++tap) {
+          const double weight = taps.texel_weight(t) * taps.view_weight(a) * taps.light_weight(b);
+          if (weight == 0) continue;
+          for (std::size_t c = 0; c < channels; ++c) {
+            out[i * channels + c] += weight * values[tap * channels + c];
+          }
+        }
+      }
+    }
+  }
+}
+
 }  // namespace weft::reference
