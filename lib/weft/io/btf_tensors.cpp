@@ -125,9 +125,9 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info) {
   validate(info, file.path().string());
 }
 
-void check_format_version(const SafetensorsFile& file) {
+void check_format_version(const SafetensorsFile& file, std::string_view newest) {
   const std::string_view found = file.value("weft.format");
-  if (found.empty() || found == file_format_version || found == coded_format_version) return;
+  if (found.empty() || found == file_format_version || found == newest) return;
   const bool number =
       std::all_of(found.begin(), found.end(), [](char c) { return c >= '0' && c <= '9'; });
   if (!number) {
@@ -135,10 +135,10 @@ void check_format_version(const SafetensorsFile& file) {
                shown(found));
   }
   fail_input(
-      "{}: weft.format {} (written by version {}) is not read by this version, which reads "
-      "{} and {}",
-      file.path().string(), shown(found), shown(file.value("weft.version")), file_format_version,
-      coded_format_version);
+      "{}: weft.format {} (written by version {}) is not read by this version, which reads {}",
+      file.path().string(), shown(found), shown(file.value("weft.version")),
+      newest == file_format_version ? std::string(newest)
+                                    : fmt::format("{} and {}", file_format_version, newest));
 }
 
 }  // namespace weft

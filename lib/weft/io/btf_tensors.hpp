@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "weft/btf/btf.hpp"
@@ -35,7 +36,8 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info);
 inline constexpr const char* file_format_version = "1";
 // That of models with entropy-coded tensors.
 inline constexpr const char* coded_format_version = "2";
-// Throws an input error for a file whose `weft.format` is neither, naming all.
-void check_format_version(const SafetensorsFile& file);
+// Throws an input error for a file whose `weft.format` is neither the first nor `newest`, the
+// newest of its kind, naming all.
+void check_format_version(const SafetensorsFile& file, std::string_view newest);
 
 }  // namespace weft

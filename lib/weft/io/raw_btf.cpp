@@ -26,10 +26,10 @@ bool begins_like_npy(const std::filesystem::path& path) {
 
 BtfInfo read_info(const SafetensorsFile& file) {
   const std::string where = file.path().string();
-  check_format_version(file);
   if (file.find("btf") == nullptr && !file.value("codec").empty()) {
     fail_input("{}: a model, not a raw BTF (no tensor \"btf\")", where);
   }
+  check_format_version(file, file_format_version);
   const TensorInfo& btf = file.get("btf");
   const std::string_view modes = file.value("modes");
   if (!modes.empty() && modes != btf_modes) {

@@ -1,9 +1,9 @@
 // Model files (`.weft`): the safetensors container with a model's tensors, directions and metadata.
 //
-// Metadata: weft.format ("1"), weft.version, codec, parameters, selection, colour_transform,
-// storage
-// ("f16" or "f32"), shape ("[V,L,Y,X,C]" of what decoding gives), dtype, encoding, quantity,
-// layout, channel_names, source, weights (where the model was fitted with some), errors, checksums
+// Metadata: weft.format ("1", or "2" with entropy-coded tensors, see coded_tensor.hpp),
+// weft.version, codec, parameters, selection, colour_transform, storage ("f16" or "f32"), shape
+// ("[V,L,Y,X,C]" of what decoding gives), dtype, encoding, quantity, layout, channel_names, source,
+// weights (where the model was fitted with some), errors, checksums
 // ({"tensor": "16 hex digits of XXH3-64"}). Tensors: the codec's, `view_directions`,
 // `light_directions`, optionally `mask`; with F16 storage a real-valued tensor NAME is F16 and
 // stands beside NAME.scale (F32, one power of two per component).
