@@ -86,7 +86,7 @@ void choose_axes(TileSource& source, ColourTransform& transform, Job& job) {
     for (std::size_t c = 0; c < channels; ++c) sums[c] += image_sums[c];
     for (std::size_t c = 0; c < products.size(); ++c) products[c] += image_products[c];
   });
-  const double count = static_cast<double>(shape.values() / channels);
+  const double count = static_cast<double>(shape.images() * shape.texels());
   double trace = 0;
   for (std::size_t c = 0; c < channels; ++c) {
     for (std::size_t k = 0; k <= c; ++k) {

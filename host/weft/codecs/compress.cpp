@@ -190,10 +190,13 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
 
 void check_parameters(const Codec& codec, const Parameters& parameters) {
   const auto specs = codec.parameters();
-  for (const auto& [name, value] : parameters) {
-    const bool known = std::any_of(specs.begin(), specs.end(),
-                                   [&](const ParameterSpec& spec) { return spec.name == name; });
-    if (!known) fail_input("--{} {}: not a parameter of codec {}", name, value, codec.name());
+  for (const auto& given : parameters) {
+    const bool known = std::any_of(specs.begin(), specs.end(), [&](const ParameterSpec& spec) {
+      return spec.name == given.first;
+    });
+    if (!known) {
+      fail_input("--{} {}: not a parameter of codec {}", given.first, given.second, codec.name());
+    }
   }
 }
 

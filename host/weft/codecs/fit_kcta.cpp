@@ -332,7 +332,7 @@ class Fitter {
     }
     std::sort(others.begin(), others.end());
     others.erase(std::unique(others.begin(), others.end()), others.end());
-    const RowList mine = picked(slices_, list);
+    RowList mine = picked(slices_, list);
     if (others.empty()) return mine;
     RowList rows;
     for (const std::size_t j : others) {

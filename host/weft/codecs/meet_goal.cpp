@@ -355,8 +355,8 @@ class Search {
       const bool meets = goal_.met(tried.errors());
       const double missing = factor(tried.errors());
       const bool better = meets && (!met || file_size(*tried.model) < file_size(*result_.model));
-      if (better) take(std::move(tried));
       if (!met && !meets) result_.reached = goal_.reached(tried.errors());
+      if (better) take(std::move(tried));
       const bool coarsest = meets && relative == loosest;
       if (meets && (met || missing * near <= 1 || coarsest)) return;
       if (met && !meets) return;
