@@ -62,7 +62,7 @@ StorageRequest storage_request(std::string_view text) {
 }
 
 std::string storage_text(const ModelInfo& info) {
-  const std::string rest = info.storage == Storage::f16 ? "f16" : "f32";
+  std::string rest = info.storage == Storage::f16 ? "f16" : "f32";
   if (info.quantised.empty()) return rest;
   const auto by_bits = [](const auto& a, const auto& b) { return a.second.bits < b.second.bits; };
   const auto [least, most] =
