@@ -2,6 +2,8 @@
 // every codec.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -67,6 +69,33 @@ struct CodecRun {
 
 inline void PrintTo(const CodecRun& run, std::ostream* out) {
   *out << run.codec << (run.on_device ? " on the device" : " by the reference");
+}
+
+// Every codec of the table, both ways.
+inline std::vector<CodecRun> every_run() {
+  std::vector<CodecRun> runs;
+  for (const Codec* codec : codecs()) {
+    for (const bool on_device : {true, false}) {
+      runs.push_back({std::string(codec->name()), on_device});
+    }
+  }
+  return runs;
+}
+
+// The name of a run among a test's parameters.
+inline std::string run_name(const testing::TestParamInfo<CodecRun>& info) {
+  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+
+// The bytes of all tensors of a model.
+inline std::vector<std::byte> tensor_bytes(const Model& model) {
+  std::vector<std::byte> bytes;
+  for (const ModelTensor& tensor : model.tensors()) {
+    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
+  }
+  return bytes;
 }
 
 // Relative Frobenius error.

@@ -27,30 +27,7 @@ class EveryCodec : public testing::TestWithParam<CodecRun> {
   const CodecRun& run() const { return GetParam(); }
 };
 
-std::vector<CodecRun> all_runs() {
-  std::vector<CodecRun> runs;
-  for (const Codec* codec : codecs()) {
-    for (const bool on_device : {true, false}) {
-      runs.push_back({std::string(codec->name()), on_device});
-    }
-  }
-  return runs;
-}
-
-INSTANTIATE_TEST_SUITE_P(Table, EveryCodec, testing::ValuesIn(all_runs()), [](const auto& info) {
-  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
-
-// The bytes of all tensors of a model.
-std::vector<std::byte> tensor_bytes(const Model& model) {
-  std::vector<std::byte> bytes;
-  for (const ModelTensor& tensor : model.tensors()) {
-    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
-  }
-  return bytes;
-}
+INSTANTIATE_TEST_SUITE_P(Table, EveryCodec, testing::ValuesIn(every_run()), run_name);
 
 bool has_mean(const Model& model) {
   const std::vector<ModelTensor> tensors = model.tensors();

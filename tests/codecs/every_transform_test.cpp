@@ -45,17 +45,7 @@ class EveryTransform : public testing::TestWithParam<CodecRun> {
   }
 };
 
-std::vector<CodecRun> all_runs() {
-  std::vector<CodecRun> runs;
-  for (const Codec* codec : codecs()) {
-    for (const bool on_device : {true, false}) {
-      runs.push_back({std::string(codec->name()), on_device});
-    }
-  }
-  return runs;
-}
-
-INSTANTIATE_TEST_SUITE_P(Table, EveryTransform, testing::ValuesIn(all_runs()),
+INSTANTIATE_TEST_SUITE_P(Table, EveryTransform, testing::ValuesIn(every_run()),
                          [](const auto& info) {
                            std::string name =
                                info.param.codec + (info.param.on_device ? "_Device" : "_Reference");

@@ -79,11 +79,7 @@ std::vector<CodecRun> all_runs() {
   return runs;
 }
 
-INSTANTIATE_TEST_SUITE_P(Table, Goals, testing::ValuesIn(all_runs()), [](const auto& info) {
-  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(Table, Goals, testing::ValuesIn(all_runs()), run_name);
 
 TEST_P(Goals, AreMetByMeasuredErrors) {
   for (const DType dtype : {DType::u8, DType::f16}) {

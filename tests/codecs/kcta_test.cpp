@@ -41,14 +41,6 @@ const KctaModel& as_kcta(const Model& model) {
   return dynamic_cast<const KctaModel&>(model);
 }
 
-std::vector<std::byte> tensor_bytes(const Model& model) {
-  std::vector<std::byte> bytes;
-  for (const ModelTensor& tensor : model.tensors()) {
-    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
-  }
-  return bytes;
-}
-
 constexpr BtfShape shape{14, 5, 9, 8, 3};
 constexpr std::size_t groups_of_views = 3;
 

@@ -24,29 +24,7 @@ class SelectedCodec : public testing::TestWithParam<CodecRun> {
   const CodecRun& run() const { return GetParam(); }
 };
 
-std::vector<CodecRun> all_runs() {
-  std::vector<CodecRun> runs;
-  for (const Codec* codec : codecs()) {
-    for (const bool on_device : {true, false}) {
-      runs.push_back({std::string(codec->name()), on_device});
-    }
-  }
-  return runs;
-}
-
-INSTANTIATE_TEST_SUITE_P(Table, SelectedCodec, testing::ValuesIn(all_runs()), [](const auto& info) {
-  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
-
-std::vector<std::byte> tensor_bytes(const Model& model) {
-  std::vector<std::byte> bytes;
-  for (const ModelTensor& tensor : model.tensors()) {
-    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
-  }
-  return bytes;
-}
+INSTANTIATE_TEST_SUITE_P(Table, SelectedCodec, testing::ValuesIn(every_run()), run_name);
 
 // A mapped source, each image on pages of its own; those of images that are `forbidden` can't be
 // touched without the process ending.

@@ -50,21 +50,7 @@ class WeightedCodec : public testing::TestWithParam<CodecRun> {
   }
 };
 
-std::vector<CodecRun> all_runs() {
-  std::vector<CodecRun> runs;
-  for (const Codec* codec : codecs()) {
-    for (const bool on_device : {true, false}) {
-      runs.push_back({std::string(codec->name()), on_device});
-    }
-  }
-  return runs;
-}
-
-INSTANTIATE_TEST_SUITE_P(Table, WeightedCodec, testing::ValuesIn(all_runs()), [](const auto& info) {
-  std::string name = info.param.codec + (info.param.on_device ? "_Device" : "_Reference");
-  std::replace(name.begin(), name.end(), '-', '_');
-  return name;
-});
+INSTANTIATE_TEST_SUITE_P(Table, WeightedCodec, testing::ValuesIn(every_run()), run_name);
 
 // Of mean 1, over some powers of ten.
 std::vector<double> spread(std::size_t count, std::uint64_t seed, double decades) {
@@ -113,14 +99,6 @@ Parameters parameters_of(const CodecRun& run, std::size_t rank) {
     parameters["clusters"] = "2";
   }
   return parameters;
-}
-
-std::vector<std::byte> tensor_bytes(const Model& model) {
-  std::vector<std::byte> bytes;
-  for (const ModelTensor& tensor : model.tensors()) {
-    bytes.insert(bytes.end(), tensor.values.begin(), tensor.values.end());
-  }
-  return bytes;
 }
 
 // Each fit is the better one by its own measure.
