@@ -35,6 +35,13 @@ CODECS = {
     "tt": ("A tensor train: a chain of small cores, one per mode.",
            "A texel takes a few vector-matrix products; `weft compress MODEL --codec tt` cuts a train "
            "further without the material."),
+    "cta": ("Clustered tensor approximation: each view belongs to one of several cores, with bases of its own for "
+            "views, rows and columns.",
+            "A value takes the small core of its cluster. Views of unlike clusters may differ visibly at their "
+            "border."),
+    "kcta": ("K-clustered tensor approximation: each view mixes K of several cores.",
+             "K times the work of `cta` for a value, less error at the same size and softer borders; encoding "
+             "iterates."),
     "sparse": ("Sparse tensor decomposition: a dictionary and two sparse tensors, by K-SVD.",
                "A value takes k1 k2 products. Encoding iterates; lists hold indices, which do not become "
                "fewer bits with `--storage`."),
