@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,6 +18,7 @@
 
 namespace weft {
 
+struct Occlusion;
 struct Weights;
 
 // How the real-valued tensors of a model are stored if they are not quantised.
@@ -45,6 +47,8 @@ struct ModelInfo {
   std::map<std::string, Quantisation, std::less<>> quantised;
   // What decoding gives: shape, directions, encoding ...; dtype is that of the raw tensor.
   BtfInfo btf;
+  // What stands for the mask where a model of it does, see occlusion.hpp; btf.mask is then empty.
+  std::shared_ptr<const Occlusion> occlusion;
   std::optional<ErrorReport> errors;  // as measured by the encoder against its input
   std::string program_version;
 };
