@@ -283,7 +283,7 @@ std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
     }
     const std::vector<std::int32_t> numbers =
         decoded(file_, name, blob, shape, ModelTensor::no_component_axis);
-    const std::vector<std::uint32_t> indices(numbers.begin(), numbers.end());
+    std::vector<std::uint32_t> indices(numbers.begin(), numbers.end());
     check_limit(file_, name, indices, limit);
     return indices;
   }
