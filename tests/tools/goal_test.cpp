@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "support/generators.hpp"
 #include "support/memory_btf.hpp"
@@ -123,7 +124,11 @@ TEST_F(GoalProcess, AutoTakesTheBestCodecAndSaysWhy) {
   const json report = json::parse(made.out);
   EXPECT_GE(report.at("errors").at("snr").get<double>(), 20);
   const json& tried = report.at("codecs");
-  EXPECT_EQ(tried.size(), 6U);
+  std::set<std::string> names;
+  for (const json& row : tried) names.insert(row.at("codec").get<std::string>());
+  for (const char* codec : {"cta", "kcta", "lpca", "pca", "sparse", "tt", "tucker", "view-pca"}) {
+    EXPECT_TRUE(names.contains(codec)) << codec;
+  }
   EXPECT_EQ(tried.front().at("codec"), report.at("codec"));
   EXPECT_EQ(tried.front().at("outcome"), "taken");
   // all of so small an input was tried: nothing had to be foreseen

@@ -14,6 +14,7 @@
 #include "weft/btf/selection.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/error.hpp"
+#include "weft/model/kcta.hpp"
 #include "weft/model/tt.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/reference/random.hpp"
@@ -121,6 +122,27 @@ Numbers numbers_of(const Model& model, const BtfShape& whole) {
       if (!tucker->has_factor(n)) core *= growth;
     }
     numbers.add(static_cast<double>(tucker->core.size()), core);
+    return numbers;
+  }
+  if (const auto* clustered = dynamic_cast<const KctaModel*>(&model)) {
+    double core = 1;
+    for (std::size_t n = 0; n < clustered->groups.count(); ++n) {
+      double growth = 1;
+      for (const Mode mode : clustered->groups.groups()[n].modes) {
+        growth *= growth_of(mode, part, whole);
+      }
+      if (n == clustered->mode) {
+        numbers.add(static_cast<double>(clustered->mixing.size()) +
+                        static_cast<double>(clustered->members.size()) / 2,
+                    growth);
+      } else if (clustered->has_factor(n)) {
+        numbers.add(static_cast<double>(clustered->global[n].size() + clustered->local[n].size()),
+                    growth);
+      } else {
+        core *= growth;
+      }
+    }
+    numbers.add(static_cast<double>(clustered->cores.size()), core);
     return numbers;
   }
   for (const ModelTensor& tensor : model.tensors()) {

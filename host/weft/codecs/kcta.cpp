@@ -13,6 +13,7 @@
 #include "weft/codecs/kcta_decoder.hpp"
 #include "weft/codecs/kcta_options.hpp"
 #include "weft/codecs/kcta_sampler.hpp"
+#include "weft/codecs/nested_kcta.hpp"
 #include "weft/codecs/rank_options.hpp"
 #include "weft/model/kcta.hpp"
 #include "weft/model/storage.hpp"
@@ -90,6 +91,51 @@ class KctaCodec final : public Codec {
                   job);
   }
 
+  bool takes_goals() const override { return true; }
+
+  // Ranks that are given are the most, and clusters as many as are given.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    const BtfInfo& info = source.info();
+    std::shared_ptr<const ModeSpectra> spectra = request.spectra;
+    if (!spectra) {
+      const std::vector<std::size_t> modes = modes_of_goal(*this, parameters, info);
+      const ModeGroups groups = kcta_options(*this, parameters, info, {}, KctaGoal()).groups;
+      spectra = std::make_shared<const ModeSpectra>(
+          device ? mode_spectra(*device, source, groups, modes, job)
+                 : reference::mode_spectra(source, groups, modes, job));
+    }
+    const auto asked = [&](const KctaGoal& goal) {
+      return kcta_options(*this, parameters, info, *spectra, goal);
+    };
+    KctaGoal goal;
+    goal.threshold = request.relative > 0 ? threshold_of_error(request.relative)
+                                          : threshold_of_numbers(request, asked);
+    goal.growth = request.relative > 0 ? request.growth : 1;
+    const KctaRequest wanted = asked(goal);
+    const KctaRequest largest = asked({0, static_cast<double>(info.shape.values())});
+    if (device) job.plan(plan_kcta(*device, source, wanted, job));
+    NestedClusters made;
+    made.fit = device ? fit_kcta(*device, source, wanted, job)
+                      : reference::encode_kcta(source, wanted, job);
+    note_errors(made.fit, job);
+    ModelInfo& model = made.fit.model->info;
+    model.codec = name();
+    model.storage = request.storage;
+    model.btf = info;
+    made.global = wanted.global_mode;
+    made.align = count_parameter(*this, parameters, "align", 1);
+    if (wanted.ranks == largest.ranks && wanted.clusters == largest.clusters) {
+      made.bound = kcta_bounds(*this, parameters, largest);
+    }
+    made.spectra = spectra;
+    made.parameters = [wanted](const KctaModel& cut, double error) {
+      return parameters_of(cut, wanted, error);
+    };
+    return nested_clusters(std::move(made));
+  }
+
   std::unique_ptr<Model> fitted_part(const Model& model,
                                      const Selection& selection) const override {
     return as_kcta(model).select(selection);
@@ -155,6 +201,57 @@ class KctaCodec final : public Codec {
   }
 
  private:
+  // What each of the four modes may lose by itself where all of them may lose this, with room for
+  // ranks that are then traded for one another.
+  static double threshold_of_error(double relative) {
+    constexpr double of_error = 0.4;
+    return of_error * relative;
+  }
+
+  // The loosest threshold whose model is larger than is wanted, so that it can be cut back.
+  template <typename Asked>
+  static double threshold_of_numbers(const NestedRequest& request, const Asked& asked) {
+    constexpr double of_values = 1.5;
+    constexpr int halvings = 30;
+    const double wanted = of_values * request.growth * static_cast<double>(request.values);
+    double loose = 0;  // base 2 logarithms
+    double tight = -20;
+    for (int i = 0; i < halvings; ++i) {
+      const double middle = (loose + tight) / 2;
+      const bool large = clustered_numbers(asked({std::exp2(middle), 1})) >= wanted;
+      (large ? tight : loose) = middle;
+    }
+    return std::exp2(tight);
+  }
+
+  static void note_errors(const KctaFit& fit, Job& job) {
+    const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
+    std::string errors;
+    for (const double left : fit.errors.history) {
+      errors += fmt::format("{}{:.6g}", errors.empty() ? "" : ", ",
+                            std::sqrt((fit.errors.lost + left) / squares));
+    }
+    job.notes.push_back(fmt::format("relative error of the factors, by iterations: {}{}", errors,
+                                    fit.errors.restored ? ", the last given up" : ""));
+  }
+
+  static std::string parameters_of(const KctaModel& model, const KctaRequest& request,
+                                   double error) {
+    std::string global;
+    for (std::size_t n = 0; n < model.groups.count(); ++n) {
+      const ModeGroup& group = model.groups.groups()[n];
+      if (n == model.mode || model.ranks[n] == group.size || request.global_mode[n] == 0) continue;
+      global += (global.empty() ? "" : ",") + group.name;
+    }
+    return fmt::format(
+        R"({{"merge":"{}","mode":"{}","clusters":{},"mixtures":{},"ranks":{{{}}},"sizes":{{{}}},)"
+        R"("global":"{}","init":"{}","iterations":{},"factors_error":{:.6g}}})",
+        model.groups.merge(), model.groups.groups()[model.mode].name, model.clusters,
+        model.mixtures, ranks_json(model.groups, model.ranks),
+        ranks_json(model.groups, model.groups.sizes()), global, name_of(request.start),
+        request.iterations, error);
+  }
+
   std::unique_ptr<Model> finish(KctaFit fit, const KctaRequest& request, const BtfInfo& source,
                                 Storage storage, Job& job) const {
     KctaModel& model = *fit.model;
@@ -162,25 +259,9 @@ class KctaCodec final : public Codec {
     model.info.storage = storage;
     model.info.btf = source;
     const double squares = fit.errors.squares > 0 ? fit.errors.squares : 1;
-    std::string errors;
-    for (const double left : fit.errors.history) {
-      errors += fmt::format("{}{:.6g}", errors.empty() ? "" : ", ",
-                            std::sqrt((fit.errors.lost + left) / squares));
-    }
-    std::string global;
-    for (std::size_t n = 0; n < request.groups.count(); ++n) {
-      if (!request.cuts(n) || request.global_mode[n] == 0) continue;
-      global += (global.empty() ? "" : ",") + request.groups.groups()[n].name;
-    }
-    model.info.parameters = fmt::format(
-        R"({{"merge":"{}","mode":"{}","clusters":{},"mixtures":{},"ranks":{{{}}},"sizes":{{{}}},)"
-        R"("global":"{}","init":"{}","iterations":{},"factors_error":{:.6g}}})",
-        request.groups.merge(), request.groups.groups()[request.mode].name, model.clusters,
-        model.mixtures, ranks_json(model.groups, model.ranks),
-        ranks_json(model.groups, model.groups.sizes()), global, name_of(request.start),
-        request.iterations, std::sqrt((fit.errors.lost + fit.errors.history.back()) / squares));
-    job.notes.push_back(fmt::format("relative error of the factors, by iterations: {}{}", errors,
-                                    fit.errors.restored ? ", the last given up" : ""));
+    model.info.parameters = parameters_of(
+        model, request, std::sqrt((fit.errors.lost + fit.errors.history.back()) / squares));
+    note_errors(fit, job);
     round_to_storage(model);
     return std::move(fit.model);
   }

@@ -1,5 +1,7 @@
 #include "weft/codecs/kcta_options.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <charconv>
 #include <span>
@@ -68,9 +70,90 @@ double threshold_of(const Codec& codec, const Parameters& parameters) {
 
 std::size_t chosen_rank(std::span<const double> spectrum, double threshold, std::size_t align,
                         std::size_t size) {
-  if (spectrum.empty()) return size;
+  if (spectrum.empty() || threshold == 0) return size;
   const std::size_t rank = rank_within(spectrum, threshold * threshold * tail(spectrum, 0));
   return std::min((rank + align - 1) / align * align, size);
+}
+
+// How ranks that are not given are chosen: by a threshold, of a goal or the user's, or not.
+struct Choice {
+  bool by_threshold = false;
+  bool of_goal = false;
+  KctaGoal goal;
+};
+
+void check_length(const KctaRequest& request, std::size_t n) {
+  const ModeGroup& group = request.groups.groups()[n];
+  const bool local = request.cuts(n) && request.global_mode[n] == 0;
+  if ((!local && n != request.mode) || group.size <= longest_kcta_mode) return;
+  fail_input("--{}: mode {} of size {} is too long for {}, at most {}",
+             n == request.mode ? "mode" : "ranks", group.name, group.size,
+             n == request.mode ? "clusters" : "bases of each cluster; give it a global one or none",
+             longest_kcta_mode);
+}
+
+KctaRequest options_by(const Codec& codec, const Parameters& parameters, const BtfInfo& source,
+                       const ModeSpectra& spectra, const Choice& choice) {
+  KctaRequest request = modes_of(codec, parameters, source);
+  request.start = start_from(value_of(codec, parameters, "init"));
+  request.iterations = count_parameter(codec, parameters, "iterations", 0);
+  const std::size_t align = count_parameter(codec, parameters, "align", 1);
+  const auto chosen = [&](std::size_t n) {
+    return chosen_rank(spectra.empty() ? std::span<const double>() : std::span(spectra[n]),
+                       choice.goal.threshold, align, request.groups.groups()[n].size);
+  };
+
+  // ranks
+  std::size_t others = 0;
+  if (parameters.contains("rank")) others = count_parameter(codec, parameters, "rank", 1);
+  for (std::size_t n = 0; n < request.ranks.size(); ++n) {
+    const ModeGroup& group = request.groups.groups()[n];
+    const std::size_t given = request.ranks[n] > 0 ? request.ranks[n] : others;
+    std::size_t rank = given;
+    if (n == request.mode) {
+      if (given == 0) rank = default_slice_rank;
+    } else if (choice.of_goal) {
+      rank = given > 0 ? std::min(given, chosen(n)) : chosen(n);
+    } else if (given == 0) {
+      rank = choice.by_threshold ? chosen(n) : default_rank;
+    }
+    request.ranks[n] = std::min(rank, group.size);
+    check_length(request, n);
+  }
+
+  // clusters
+  const ModeGroup& clustered = request.groups.groups()[request.mode];
+  const std::size_t rank = request.ranks[request.mode];
+  request.clusters = default_clusters;
+  if (choice.by_threshold) {
+    const double wanted =
+        static_cast<double>((chosen(request.mode) + rank - 1) / rank) * choice.goal.growth;
+    request.clusters =
+        static_cast<std::size_t>(std::min(wanted, static_cast<double>(clustered.size)));
+  }
+  request.clusters = std::min(request.clusters, clustered.size);
+  if (parameters.contains("clusters")) {
+    request.clusters = count_parameter(codec, parameters, "clusters", 1);
+    if (request.clusters > clustered.size) {
+      fail_input("--clusters {}: mode {} has {} slices", request.clusters, clustered.name,
+                 clustered.size);
+    }
+  }
+  const auto specs = codec.parameters();
+  const bool mixes = std::any_of(specs.begin(), specs.end(),
+                                 [](const ParameterSpec& spec) { return spec.name == "mixtures"; });
+  if (mixes) request.mixtures = std::min(default_mixtures, request.clusters);
+  if (mixes && parameters.contains("mixtures")) {
+    request.mixtures = count_parameter(codec, parameters, "mixtures", 1);
+    // a goal that needs few clusters has no more of them to mix
+    const bool clamps = choice.of_goal && !parameters.contains("clusters");
+    if (clamps) request.mixtures = std::min(request.mixtures, clustered.size);
+    if (clamps) request.clusters = std::max(request.clusters, request.mixtures);
+    if (request.mixtures > request.clusters) {
+      fail_input("--mixtures {}: there are {} clusters", request.mixtures, request.clusters);
+    }
+  }
+  return request;
 }
 
 }  // namespace
@@ -94,62 +177,49 @@ std::vector<std::size_t> modes_to_choose(const Codec& codec, const Parameters& p
   return modes;
 }
 
+std::vector<std::size_t> modes_of_goal(const Codec& codec, const Parameters& parameters,
+                                       const BtfInfo& source) {
+  if (threshold_of(codec, parameters) > 0) {
+    fail_input("--threshold {}: --target chooses the ranks", parameters.at("threshold"));
+  }
+  const KctaRequest request = modes_of(codec, parameters, source);
+  std::vector<std::size_t> modes;
+  for (std::size_t n = 0; n < request.groups.count(); ++n) {
+    const ModeGroup& group = request.groups.groups()[n];
+    const bool asked = n != request.mode || !parameters.contains("clusters");
+    // longer ones stay as they are given, or whole
+    if (asked && group.size > 1 && group.size <= longest_kcta_mode) modes.push_back(n);
+  }
+  return modes;
+}
+
 KctaRequest kcta_options(const Codec& codec, const Parameters& parameters, const BtfInfo& source,
                          const ModeSpectra& spectra) {
-  KctaRequest request = modes_of(codec, parameters, source);
-  request.start = start_from(value_of(codec, parameters, "init"));
-  request.iterations = count_parameter(codec, parameters, "iterations", 0);
   const double threshold = threshold_of(codec, parameters);
-  const std::size_t align = count_parameter(codec, parameters, "align", 1);
-  const auto chosen = [&](std::size_t n) {
-    return chosen_rank(spectra.empty() ? std::span<const double>() : std::span(spectra[n]),
-                       threshold, align, request.groups.groups()[n].size);
-  };
+  return options_by(codec, parameters, source, spectra, {threshold > 0, false, {threshold, 1}});
+}
 
-  // ranks
-  std::size_t others = 0;
-  if (parameters.contains("rank")) others = count_parameter(codec, parameters, "rank", 1);
-  for (std::size_t n = 0; n < request.ranks.size(); ++n) {
-    const ModeGroup& group = request.groups.groups()[n];
-    if (request.ranks[n] == 0) {
-      const std::size_t rank = n == request.mode ? default_slice_rank
-                               : threshold > 0   ? chosen(n)
-                                                 : default_rank;
-      request.ranks[n] = std::min(others > 0 ? others : rank, group.size);
-    }
-    const bool local = request.cuts(n) && request.global_mode[n] == 0;
-    if ((local || n == request.mode) && group.size > longest_kcta_mode) {
-      fail_input(
-          "--{}: mode {} of size {} is too long for {}, at most {}",
-          n == request.mode ? "mode" : "ranks", group.name, group.size,
-          n == request.mode ? "clusters" : "bases of each cluster; give it a global one or none",
-          longest_kcta_mode);
-    }
+KctaRequest kcta_options(const Codec& codec, const Parameters& parameters, const BtfInfo& source,
+                         const ModeSpectra& spectra, const KctaGoal& goal) {
+  return options_by(codec, parameters, source, spectra, {true, true, goal});
+}
+
+std::string kcta_bounds(const Codec& codec, const Parameters& parameters,
+                        const KctaRequest& largest) {
+  std::string ranks;
+  for (std::size_t n = 0; n < largest.ranks.size(); ++n) {
+    const bool given = parameters.contains("rank") ||
+                       named_ranks(largest.groups, value_of(codec, parameters, "ranks"))[n] > 0;
+    if (n == largest.mode || !given || !largest.cuts(n)) continue;
+    ranks += fmt::format("{}{}={}", ranks.empty() ? "" : ",", largest.groups.groups()[n].name,
+                         largest.ranks[n]);
   }
-
-  // clusters
-  const ModeGroup& clustered = request.groups.groups()[request.mode];
-  const std::size_t rank = request.ranks[request.mode];
-  request.clusters = std::min(
-      threshold > 0 ? (chosen(request.mode) + rank - 1) / rank : default_clusters, clustered.size);
+  std::string bounds;
+  if (!ranks.empty()) bounds = "the ranks given, " + ranks;
   if (parameters.contains("clusters")) {
-    request.clusters = count_parameter(codec, parameters, "clusters", 1);
-    if (request.clusters > clustered.size) {
-      fail_input("--clusters {}: mode {} has {} slices", request.clusters, clustered.name,
-                 clustered.size);
-    }
+    bounds += fmt::format("{}--clusters {}", bounds.empty() ? "" : ", and ", largest.clusters);
   }
-  const auto specs = codec.parameters();
-  const bool mixes = std::any_of(specs.begin(), specs.end(),
-                                 [](const ParameterSpec& spec) { return spec.name == "mixtures"; });
-  if (mixes) request.mixtures = std::min(default_mixtures, request.clusters);
-  if (mixes && parameters.contains("mixtures")) {
-    request.mixtures = count_parameter(codec, parameters, "mixtures", 1);
-    if (request.mixtures > request.clusters) {
-      fail_input("--mixtures {}: there are {} clusters", request.mixtures, request.clusters);
-    }
-  }
-  return request;
+  return bounds.empty() ? "all that float arithmetic resolves" : bounds;
 }
 
 }  // namespace weft

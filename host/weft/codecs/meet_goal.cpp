@@ -45,6 +45,7 @@ class Search {
         fail_unmet(models->bound());
       }
       enlarge(request, *models);
+      request.spectra = models->spectra();
       models.reset();
       try {
         models = decompose(request);

@@ -5,10 +5,14 @@
 #include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "weft/model/model.hpp"
 
 namespace weft {
+
+// Squared singular values of the data's modes, descending; none of modes that are not looked at.
+using ModeSpectra = std::vector<std::vector<double>>;
 
 // What a decomposition is to hold.
 struct NestedRequest {
@@ -17,6 +21,9 @@ struct NestedRequest {
   double growth = 1;       // of a codec's own first guess, where what it came to was too little
   double squares = 0;      // |T|^2
   Storage storage = Storage::f16;  // that models are to be rounded to
+  // What the decomposition before this one found, where it does not change: see
+  // NestedModels::spectra.
+  std::shared_ptr<const ModeSpectra> spectra;
 };
 
 // The models, from the smallest to the largest.
@@ -39,6 +46,8 @@ class NestedModels {
   virtual std::string bound() const = 0;
   // Decompositions that it took.
   virtual std::size_t decompositions() const { return 1; }
+  // What a larger decomposition of the same data need not find again; null where there is nothing.
+  virtual std::shared_ptr<const ModeSpectra> spectra() const { return nullptr; }
 };
 
 }  // namespace weft
