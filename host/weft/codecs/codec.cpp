@@ -10,12 +10,14 @@
 #include "weft/codecs/lpca.hpp"
 #include "weft/codecs/nested_models.hpp"
 #include "weft/codecs/pca.hpp"
+#include "weft/codecs/slice_light_sampler.hpp"
 #include "weft/codecs/sparse.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
 #include "weft/model/channel_part.hpp"
+#include "weft/reference/light_sampler.hpp"
 #include "weft/reference/lookup.hpp"
 
 namespace weft {
@@ -121,6 +123,14 @@ std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) c
   return with_inverse(model, fitted_reference_sampler(model));
 }
 
+std::unique_ptr<LightSampler> Codec::light_sampler(Device* device, const Model& model) const {
+  if (!as_part(model)) {
+    if (auto own = fitted_light_sampler(device, model)) return own;
+  }
+  if (device) return slice_light_sampler(*device, model.info.btf, sampler(*device, model));
+  return reference::slice_light_sampler(model.info.btf, reference_sampler(model));
+}
+
 std::unique_ptr<Model> Codec::next_mip_level(const Model& model) const {
   if (const ChannelPart* part = as_part(model)) {
     std::unique_ptr<Model> next = next_mip_level(part->whole());
@@ -140,6 +150,11 @@ double Codec::decode_tolerance(const Model& model) const {
 
 std::unique_ptr<ReferenceSampler> Codec::fitted_reference_sampler(const Model& model) const {
   return reference::texel_sampler(model);
+}
+
+std::unique_ptr<LightSampler> Codec::fitted_light_sampler(Device* /*device*/,
+                                                          const Model& /*model*/) const {
+  return nullptr;
 }
 
 std::unique_ptr<Model> Codec::fitted_mip_level(const Model& model) const {

@@ -20,6 +20,7 @@
 
 namespace weft {
 
+class LightSampler;
 class NestedModels;
 struct NestedRequest;
 
@@ -116,6 +117,11 @@ class Codec {
   std::size_t sampler_bytes(const Model& model) const;
   std::unique_ptr<ReferenceSampler> reference_sampler(const Model& model) const;
 
+  // Draws directions to light as a model reflects them (weft/scene/light_sampling.hpp), on the
+  // device or by the reference if it is null; device and model must outlive it. From the codec's
+  // own tables, or by looking slices up and inverting them.
+  std::unique_ptr<LightSampler> light_sampler(Device* device, const Model& model) const;
+
   // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
   // is exact in the model itself, as it needs a linear encoding and colour transform; else null:
   // levels are then taken of decoded images.
@@ -141,6 +147,9 @@ class Codec {
   virtual std::size_t fitted_sampler_bytes(const Model& model) const = 0;
   // By Model::fitted_texel, unless the codec knows a faster way.
   virtual std::unique_ptr<ReferenceSampler> fitted_reference_sampler(const Model& model) const;
+  // None, unless the codec's tensors can be drawn from as they are.
+  virtual std::unique_ptr<LightSampler> fitted_light_sampler(Device* device,
+                                                             const Model& model) const;
   // None, unless the codec can.
   virtual std::unique_ptr<Model> fitted_mip_level(const Model& model) const;
   // At least the rounding of a value to float: 2^-24 of the largest magnitude.

@@ -21,6 +21,7 @@ extern const KernelSource gemm_tiled;
 extern const KernelSource gram;
 extern const KernelSource invert_colour;
 extern const KernelSource ksvd_update;
+extern const KernelSource light_slices;
 extern const KernelSource log_error_sums;
 extern const KernelSource look_up_factors;
 extern const KernelSource look_up_train;
