@@ -10,6 +10,7 @@ struct KernelSource {
 
 namespace kernel_sources {
 extern const KernelSource batch_omp;
+extern const KernelSource clamp_values;
 extern const KernelSource cluster_products;
 extern const KernelSource convert_tile;
 extern const KernelSource decode_lpca;

@@ -1,6 +1,7 @@
 #include "weft/reference/factorise.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
@@ -71,6 +72,10 @@ Orthonormal orthonormal_basis(std::size_t rows, std::size_t columns, std::span<c
   const Eigen::MatrixXd Q =
       qr.householderQ() * Eigen::MatrixXd::Identity(static_cast<Eigen::Index>(rows), rank);
   return {static_cast<std::size_t>(rank), to_row_major(Q)};
+}
+
+std::vector<double> inverse(std::size_t n, std::span<const double> A) {
+  return to_row_major(Eigen::MatrixXd(view(n, n, A)).partialPivLu().inverse());
 }
 
 }  // namespace weft::reference

@@ -33,4 +33,7 @@ struct Orthonormal {
 Orthonormal orthonormal_basis(std::size_t rows, std::size_t columns, std::span<const double> A,
                               double tolerance);
 
+// The inverse of a regular n x n matrix, by LU with partial pivoting.
+std::vector<double> inverse(std::size_t n, std::span<const double> A);
+
 }  // namespace weft::reference
