@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -70,8 +71,12 @@ double product_speed(Device& device) {
 }
 
 // The rank to encode with: the one that was asked for, else the codec's own, or 64 where that
-// depends on a goal. Empty if the codec has none.
+// depends on a goal. Empty if the codec has none, or one for each mode.
 std::string rank_of(const Codec& codec, const std::string& asked) {
+  const auto specs = codec.parameters();
+  const bool by_modes = std::any_of(specs.begin(), specs.end(),
+                                    [](const ParameterSpec& spec) { return spec.name == "mode"; });
+  if (by_modes && asked.empty()) return {};
   for (const ParameterSpec& parameter : codec.parameters()) {
     if (parameter.name != "rank") continue;
     if (!asked.empty()) return asked;
@@ -102,6 +107,10 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
   const double gemm_peak = product_speed(device);
 
   std::vector<std::vector<Cell>> rows;
+  std::vector<std::vector<Cell>> stage_rows;
+  const auto bound_of = [&](const Stage& stage) {
+    return stage.flops / gemm_peak + stage.bytes / peaks.bandwidth;
+  };
   for (const Codec* codec : wanted) {
     Parameters parameters;
     const std::string rank = rank_of(*codec, options.rank);
@@ -122,6 +131,12 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
         bytes += stage.bytes;
         stages +=
             fmt::format("{}{} {:.2f} s", stages.empty() ? "" : ", ", stage.name, stage.seconds);
+        const double bound = bound_of(stage);
+        stage_rows.push_back(
+            {text_cell(codec->name()), count_cell(run), text_cell(stage.name),
+             number_cell(stage.seconds), number_cell(stage.flops * 1e-9),
+             number_cell(stage.bytes * 1e-9), number_cell(bound),
+             bound > 0 ? number_cell(stage.seconds / bound) : Cell{"", "null", true}});
       }
       const double bound = flops / gemm_peak + bytes / peaks.bandwidth;
       rows.push_back({text_cell(codec->name()), text_cell(rank.empty() ? "-" : rank),
@@ -138,6 +153,10 @@ void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptio
                {"codec", "rank", "run", "seconds", "gflop", "gigabytes", "bound_seconds",
                 "times_the_bound", "of_gemm_peak", "of_bandwidth", "stages"},
                std::move(rows));
+  report.table("codec_stages",
+               {"codec", "run", "stage", "seconds", "gflop", "gigabytes", "bound_seconds",
+                "times_the_bound"},
+               std::move(stage_rows));
 }
 
 }  // namespace weft

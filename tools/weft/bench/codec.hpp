@@ -24,7 +24,8 @@ struct CodecBenchOptions {
 // The codecs whose row "codec NAME" contains the filter.
 std::vector<const Codec*> codecs_matching(const std::string& filter);
 
-// Adds the table `codecs`: encoding and measuring, three runs of each codec.
+// Adds the table `codecs`: encoding and measuring, three runs of each codec; and `codec_stages`,
+// what each stage of a run took beside its bound.
 void bench_codecs(Device& device, const ops::Peaks& peaks, const CodecBenchOptions& options,
                   Report& report);
 
