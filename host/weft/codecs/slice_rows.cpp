@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <numeric>
+#include <optional>
 
 #include "weft/error.hpp"
 #include "weft/ops/launch.hpp"
@@ -75,19 +77,14 @@ class Block {
   Buffer buffer_;
 };
 
-// Of the sum of two rows.
-double sum_of_squares(std::span<const float> a, std::span<const float> b) {
+double sum_of_squares(std::span<const float> a) {
   constexpr std::size_t lanes = 8;
   std::array<double, lanes> sums{};
   std::size_t i = 0;
   for (; i + lanes <= a.size(); i += lanes) {
-    for (std::size_t k = 0; k < lanes; ++k) {
-      const double sum = double{a[i + k]} + double{b[i + k]};
-      sums[k] += sum * sum;
-    }
+    for (std::size_t k = 0; k < lanes; ++k) sums[k] += double{a[i + k]} * double{a[i + k]};
   }
-  for (; i < a.size(); ++i)
-    sums[0] += (double{a[i]} + double{b[i]}) * (double{a[i]} + double{b[i]});
+  for (; i < a.size(); ++i) sums[0] += double{a[i]} * double{a[i]};
   return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
@@ -97,24 +94,62 @@ Buffer matrix_buffer(Device& device, std::span<const float> M) {
   return buffer;
 }
 
-// Calls use(first, width, block) with blocks of M rows, `count` of them.
+// Rows where they lie, if the device reads them there: the memory from the first to the last.
+struct RowsInPlace {
+  Buffer values;
+  std::vector<cl_ulong> at;
+};
+
+RowsInPlace in_place(Device& device, const RowList& rows, std::size_t length) {
+  RowsInPlace found;
+  if (!device.limits().unified_memory || !device.limits().is_cpu || rows.empty()) return found;
+  const auto [first, last] = std::minmax_element(rows.begin(), rows.end(), std::less<>());
+  const auto span = static_cast<std::size_t>(*last - *first) + length;
+  if (span > device.limits().largest_allocation / sizeof(float)) return found;
+  found.values = Buffer::wrap(device, std::as_bytes(std::span(*first, span)), "rows");
+  for (const float* row : rows) found.at.push_back(static_cast<cl_ulong>(row - *first));
+  return found;
+}
+
+// Calls use(first, width, block) with blocks of base + M rows, `count` of them.
 template <typename Use>
-void for_each_product(Device& device, std::size_t length, std::size_t count,
-                      std::span<const float> M, const RowList& rows, const Use& use) {
+void for_each_sum(Device& device, std::size_t length, std::size_t count, const RowList& base,
+                  std::span<const float> M, const RowList& rows, const Use& use) {
   const std::size_t most = block_width(rows.size() + count, length);
   std::vector<float> values(count * most, 0.0f);
-  Block in(device, rows, length, rows.size() * most);
-  Buffer out(device, count * most * sizeof(float), "products of rows");
-  const Buffer matrix = matrix_buffer(device, M);
+  Buffer out(device, count * most * sizeof(float), "sums of rows");
+  const RowsInPlace terms = in_place(device, rows, length);
+  const RowsInPlace added = in_place(device, base, length);
+  const bool placed = !terms.at.empty() && (base.empty() || !added.at.empty());
+  std::optional<ops::RowSums> sums;
+  std::optional<Block> in;
+  Buffer matrix;
+  if (placed) {
+    sums.emplace(device, terms.values, terms.at, base.empty() ? nullptr : &added.values, added.at,
+                 M, count);
+  } else if (!rows.empty()) {
+    in.emplace(device, rows, length, rows.size() * most);
+    matrix = matrix_buffer(device, M);
+  }
   for (std::size_t first = 0; first < length; first += most) {
     check_interrupt();
     const std::size_t width = std::min(most, length - first);
-    if (!rows.empty()) {
-      ops::gemm(device, ops::Transpose::no, ops::Transpose::no, count, width, rows.size(), 1.0,
-                {matrix, rows.size()}, in.columns(first, width), 0.0, {out, width});
-      device.read(out, std::span(values).first(count * width));
+    const auto block = std::span(values).first(count * width);
+    if (placed) {
+      sums->columns(first, width, out);
+      device.read(out, block);
+    } else {
+      std::fill(block.begin(), block.end(), 0.0f);
+      if (in) {
+        ops::gemm(device, ops::Transpose::no, ops::Transpose::no, count, width, rows.size(), 1.0,
+                  {matrix, rows.size()}, in->columns(first, width), 0.0, {out, width});
+        device.read(out, block);
+      }
+      for (std::size_t i = 0; i < base.size(); ++i) {
+        for (std::size_t p = 0; p < width; ++p) block[i * width + p] += base[i][first + p];
+      }
     }
-    use(first, width, std::span<const float>(values));
+    use(first, width, std::span<const float>(block));
   }
 }
 
@@ -176,31 +211,23 @@ std::vector<double> row_products(Device& device, std::size_t length, const RowLi
 void combine_rows(Device& device, std::size_t length, const RowList& base, std::span<const float> M,
                   const RowList& rows, float* out) {
   const std::size_t count = rows.empty() ? base.size() : M.size() / rows.size();
-  for_each_product(device, length, count, M, rows,
-                   [&](std::size_t first, std::size_t width, std::span<const float> block) {
-                     for (std::size_t i = 0; i < count; ++i) {
-                       const float* made = block.data() + i * width;
-                       float* to = out + i * length + first;
-                       if (base.empty()) {
-                         std::copy_n(made, width, to);
-                         continue;
-                       }
-                       const float* from = base[i] + first;
-                       for (std::size_t p = 0; p < width; ++p) to[p] = from[p] + made[p];
-                     }
-                   });
+  for_each_sum(device, length, count, base, M, rows,
+               [&](std::size_t first, std::size_t width, std::span<const float> block) {
+                 for (std::size_t i = 0; i < count; ++i) {
+                   std::copy_n(block.data() + i * width, width, out + i * length + first);
+                 }
+               });
 }
 
 std::vector<double> combined_squares(Device& device, std::size_t length, const RowList& base,
                                      std::span<const float> M, const RowList& rows) {
   std::vector<double> sums(base.size(), 0.0);
-  for_each_product(
-      device, length, base.size(), M, rows,
-      [&](std::size_t first, std::size_t width, std::span<const float> block) {
-        for (std::size_t i = 0; i < base.size(); ++i) {
-          sums[i] += sum_of_squares({base[i] + first, width}, block.subspan(i * width, width));
-        }
-      });
+  for_each_sum(device, length, base.size(), base, M, rows,
+               [&](std::size_t, std::size_t width, std::span<const float> block) {
+                 for (std::size_t i = 0; i < base.size(); ++i) {
+                   sums[i] += sum_of_squares(block.subspan(i * width, width));
+                 }
+               });
   return sums;
 }
 
@@ -243,6 +270,29 @@ void multiply_modes(Device& device, std::vector<std::size_t> sizes, const RowLis
       from = &between[s % 2];
     }
     device.read(*from, std::span(out + first * result, count * result));
+  }
+}
+
+void count_products(Stage& stage, std::size_t a, std::size_t b, std::size_t length) {
+  stage.flops += 2 * static_cast<double>(a * b) * static_cast<double>(length);
+  stage.bytes += static_cast<double>((a + b) * length * sizeof(float));
+}
+
+void count_sums(Stage& stage, std::size_t base, std::size_t out, std::size_t rows,
+                std::size_t length) {
+  stage.flops += 2 * static_cast<double>(out * rows) * static_cast<double>(length);
+  stage.bytes += static_cast<double>((base + out + rows) * length * sizeof(float));
+}
+
+void count_modes(Stage& stage, std::size_t rows, std::vector<std::size_t> sizes,
+                 std::span<const RowProduct> products) {
+  for (const RowProduct& step : products) {
+    const std::size_t before = rows * product(sizes);
+    const std::size_t terms = sizes[step.axis];
+    sizes[step.axis] = step.other_size;
+    const std::size_t after = rows * product(sizes);
+    stage.flops += 2 * static_cast<double>(after) * static_cast<double>(terms);
+    stage.bytes += static_cast<double>((before + after) * sizeof(float));
   }
 }
 

@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "weft/device/device.hpp"
+#include "weft/job.hpp"
 #include "weft/ops/mode_product.hpp"
 
 namespace weft {
 
-// Where rows of one length begin; they need not be neighbours.
+// Where rows of one length begin, all in one array; they need not be neighbours.
 using RowList = std::vector<const float*>;
 
 RowList row_list(std::span<const float> values, std::size_t rows, std::size_t length);
@@ -44,6 +45,15 @@ struct RowProduct {
 // other.
 void multiply_modes(Device& device, std::vector<std::size_t> sizes, const RowList& rows,
                     std::span<const RowProduct> products, float* out);
+
+// What they add to a stage: flops, and the values that they read and write once. Products A B^T of
+// so many rows each; `out` sums of `rows` rows, with `base` more read beside; rows in mode after
+// mode.
+void count_products(Stage& stage, std::size_t a, std::size_t b, std::size_t length);
+void count_sums(Stage& stage, std::size_t base, std::size_t out, std::size_t rows,
+                std::size_t length);
+void count_modes(Stage& stage, std::size_t rows, std::vector<std::size_t> sizes,
+                 std::span<const RowProduct> products);
 
 // Most bytes that any of them holds beside, for so many rows (of both operands) of such a length,
 // which products make no longer than `longest`.

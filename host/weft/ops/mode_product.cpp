@@ -46,26 +46,49 @@ std::size_t micro_rows(const Device& device) {
   return vector_width(device) * sizeof(float) == 64 ? 8 : 4;
 }
 
+// How strips of so many rows are cut, and the programs for them.
+struct Strips {
+  std::size_t width;
+  std::size_t count;  // of a work-item
+  std::string options;
+
+  Strips(const Device& device, std::size_t rows) : width(panel_width(device)) {
+    // Half of a second cache of 512 KiB, in runs of rows of up to eight strips.
+    constexpr std::size_t held_values = std::size_t{1} << 16;
+    const std::size_t depth = device.parameter(tunables::gemm, "KC");
+    count = std::clamp<std::size_t>(held_values / (width * std::min(depth, rows)), 1, 8);
+    options = fmt::format("{} -DKC={} -DVALUES={}", vector_option(device), depth,
+                          std::max(held_values, depth * width));
+  }
+};
+
 // U(r, j) in `U` at r row + j column, rows x n.
+Buffer packed_rows(Device& device, const Strips& strips, const Buffer& U, std::size_t rows,
+                   std::size_t n, std::size_t row, std::size_t column) {
+  const std::size_t panels = ceil_div(rows, micro_rows(device));
+  Buffer packed(device, panels * micro_rows(device) * n * sizeof(float), "packed factor");
+  const cl_kernel pack = device.kernel(kernel_sources::mode_product, strips.options, "pack_rows");
+  set_arguments(pack, ulong(rows), ulong(n), U, ulong(row), ulong(column), packed);
+  launch_items(device, pack, panels);
+  return packed;
+}
+
 void strip_product(Device& device, const ModeView& view, const Buffer& T, const Buffer& U,
                    std::size_t rows, std::size_t row, std::size_t column, Buffer& out) {
-  const std::size_t panels = ceil_div(rows, micro_rows(device));
-  Buffer packed(device, panels * micro_rows(device) * view.size * sizeof(float), "packed factor");
-  // Half of a second cache of 512 KiB, in runs of rows of up to eight strips.
-  constexpr std::size_t held_values = std::size_t{1} << 16;
-  const std::size_t depth = device.parameter(tunables::gemm, "KC");
-  const std::size_t width = panel_width(device);
-  const std::size_t strips =
-      std::clamp<std::size_t>(held_values / (width * std::min(depth, view.size)), 1, 8);
-  const std::string options = fmt::format("{} -DKC={} -DVALUES={}", vector_option(device), depth,
-                                          std::max(held_values, depth * width));
-  const cl_kernel pack = device.kernel(kernel_sources::mode_product, options, "pack_rows");
-  set_arguments(pack, ulong(rows), ulong(view.size), U, ulong(row), ulong(column), packed);
-  launch_items(device, pack, panels);
-  const cl_kernel kernel = device.kernel(kernel_sources::mode_product, options, "mode_product");
-  set_arguments(kernel, ulong(view.size), ulong(view.inner), ulong(rows), ulong(strips), T, packed,
-                out);
-  launch_items(device, kernel, ceil_div(view.inner, strips * width), view.outer);
+  const Strips strips(device, view.size);
+  const Buffer packed = packed_rows(device, strips, U, rows, view.size, row, column);
+  const cl_kernel kernel =
+      device.kernel(kernel_sources::mode_product, strips.options, "mode_product");
+  set_arguments(kernel, ulong(view.size), ulong(view.inner), ulong(rows), ulong(strips.count), T,
+                packed, out);
+  launch_items(device, kernel, ceil_div(view.inner, strips.count * strips.width), view.outer);
+}
+
+Buffer table_of(Device& device, std::span<const cl_ulong> entries) {
+  Buffer buffer(device, std::max<std::size_t>(entries.size_bytes(), sizeof(cl_ulong)),
+                "places of rows");
+  if (!entries.empty()) device.write(buffer, entries);
+  return buffer;
 }
 
 }  // namespace
@@ -107,6 +130,31 @@ std::size_t mode_product_bytes(const Device& device, const ModeView& view, std::
   }
   options.batch = view.outer;
   return product_bytes(device, view.inner, view.size, options);
+}
+
+RowSums::RowSums(Device& device, const Buffer& rows, std::span<const cl_ulong> row_at,
+                 const Buffer* base, std::span<const cl_ulong> base_at, std::span<const float> M,
+                 std::size_t count)
+    : device_(device),
+      rows_(rows),
+      base_(base),
+      count_(count),
+      terms_(row_at.size()),
+      row_at_(table_of(device, row_at)),
+      base_at_(table_of(device, base_at)) {
+  Buffer matrix(device, M.size_bytes(), "matrix of rows");
+  device.write(matrix, M);
+  packed_ = packed_rows(device, Strips(device, terms_), matrix, count_, terms_, terms_, 1);
+}
+
+void RowSums::columns(std::size_t first, std::size_t width, Buffer& out) {
+  const Strips strips(device_, terms_);
+  const cl_kernel kernel = device_.kernel(kernel_sources::mode_product,
+                                          strips.options + " -DGATHERED=1", "combine_rows");
+  set_arguments(kernel, ulong(terms_), ulong(width), ulong(count_), ulong(strips.count), rows_,
+                packed_, out, row_at_, base_ != nullptr ? *base_ : rows_, base_at_,
+                cl_uint{base_ != nullptr ? 1U : 0U}, ulong(first));
+  launch_items(device_, kernel, ceil_div(width, strips.count * strips.width));
 }
 
 ModeGram::ModeGram(Device& device, std::size_t size, Arithmetic arithmetic)

@@ -40,6 +40,28 @@ void mode_product(Device& device, const ModeView& view, const Buffer& T, ModePro
 // Bytes that it holds beside.
 std::size_t mode_product_bytes(const Device& device, const ModeView& view, std::size_t other_size);
 
+// Sums of rows that lie anywhere in memory that the device reads, on CPU devices:
+//
+//   out(i, p) = base(base_at[i] + p) + sum_j M(i, j) rows(row_at[j] + p)
+//
+// The buffers must outlive it; without `base` that is 0.
+class RowSums {
+ public:
+  RowSums(Device& device, const Buffer& rows, std::span<const cl_ulong> row_at, const Buffer* base,
+          std::span<const cl_ulong> base_at, std::span<const float> M, std::size_t count);
+  // Columns [first, first + width), [count][width].
+  void columns(std::size_t first, std::size_t width, Buffer& out);
+
+ private:
+  Device& device_;
+  const Buffer& rows_;
+  const Buffer* base_;
+  std::size_t count_;
+  std::size_t terms_;
+  Buffer row_at_, base_at_;
+  Buffer packed_;  // M
+};
+
 // The mode-n Gram matrix of a tensor that comes in parts; the sums of each part are those of
 // syrk() in the given arithmetic, and the parts are added in double.
 class ModeGram {
