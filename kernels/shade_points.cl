@@ -8,6 +8,7 @@
 //   share:   [points][2]: the share of each level, 0 where it is not used
 //   point_of: [samples]: the point of each light sample
 //   views, lights: [points][8], [samples][8] of weigh_directions.cl
+//   grid_views: [points]: views of a model's own grid
 //   list:    [count]: entries of one level
 //
 // Work-item (block of ENTRIES entries or points).
@@ -15,6 +16,7 @@
 // ENCODING  of the values, encoding.cl
 // CHANNELS  1 or 3
 // BRDF      1: times the light's cosine; 0: times its scale
+// GRID      1: records look up the one view of a grid in the place of three
 // ENTRIES   entries of a work-item
 #include "encoding.cl"
 
@@ -24,6 +26,9 @@
 #ifndef BRDF
 #define BRDF 0
 #endif
+#ifndef GRID
+#define GRID 0
+#endif
 #ifndef ENTRIES
 #define ENTRIES 64
 #endif
@@ -32,23 +37,34 @@
   const ulong end = min((get_global_id(0) + 1) * ENTRIES, (ulong)(count)); \
   for (ulong i = get_global_id(0) * ENTRIES; i < end; ++i)
 
-// Records of 4 texels, 3 views and 3 lights.
+#define VIEWS (GRID ? 1 : 3)
+#define TAPS (4 + VIEWS + 3)
+#define WORDS (TAPS + 4 + (GRID ? 0 : VIEWS) + 3)
+
+// Records of 4 texels, 3 lights, and 3 views or one of a grid.
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void write_lookups(ulong count, __global const uint* restrict list,
                             __global const uint* restrict point_of,
                             __global const uint* restrict taps, __global const uint* restrict views,
+                            __global const uint* restrict grid_views,
                             __global const uint* restrict lights, __global uint* restrict lookups) {
   EACH(i, count) {
     const ulong sample = list[i] >> 1;
     const ulong point = point_of[sample];
     __global const uint* texels = taps + (2 * point + (list[i] & 1)) * 8;
+#if !GRID
     __global const uint* view = views + 8 * point;
+#endif
     __global const uint* light = lights + 8 * sample;
-    __global uint* record = lookups + 20 * i;
-    for (uint k = 0; k < 4; ++k) record[k] = texels[k], record[10 + k] = texels[4 + k];
+    __global uint* record = lookups + WORDS * i;
+    for (uint k = 0; k < 4; ++k) record[k] = texels[k], record[TAPS + k] = texels[4 + k];
+#if GRID
+    record[4] = grid_views[point];
+#else
+    for (uint k = 0; k < VIEWS; ++k) record[4 + k] = view[k], record[TAPS + 4 + k] = view[3 + k];
+#endif
     for (uint k = 0; k < 3; ++k) {
-      record[4 + k] = view[k], record[14 + k] = view[3 + k];
-      record[7 + k] = light[k], record[17 + k] = light[3 + k];
+      record[4 + VIEWS + k] = light[k], record[WORDS - 3 + k] = light[3 + k];
     }
   }
 }

@@ -14,7 +14,9 @@
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
+#include "weft/btf/view_grid.hpp"
 #include "weft/codecs/fit_kcta.hpp"
+#include "weft/codecs/mix_slices.hpp"
 #include "weft/model/kcta.hpp"
 #include "weft/reference/factorise.hpp"
 #include "weft/reference/mode_product.hpp"
@@ -258,6 +260,72 @@ TEST_P(Kcta, RanksAreChosen) {
             std::pair(Sizes{3, 12, 2, 3}, std::size_t{4}));
 }
 
+// Of a model that loses nothing, views of the grid are what is interpolated of the measured ones.
+TEST_P(Kcta, GridsOfViewsInterpolateTheMeasuredOnes) {
+  const auto source = random_source(shape, DType::f16, 4);
+  const std::vector<double> values = decode_values(source->bytes(), DType::f16);
+  // both clusters together span all views
+  const auto model = encode(*source, {{"clusters", "2"},
+                                      {"mixtures", "2"},
+                                      {"ranks", "v=14"},
+                                      {"rank", "100"},
+                                      {"iterations", "0"},
+                                      {"init", "random"},
+                                      {"resample-views", "7"}});
+  ASSERT_EQ(model->view_grid(), 7U);
+  const ViewResampling views(source->info().view_directions, 7);
+  for (std::size_t e = 0; e < views.size(); ++e) {
+    const std::vector<double> w = views.weights(e);
+    std::vector<double> expected(3, 0.0);
+    for (std::size_t v = 0; v < shape.views; ++v) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        expected[c] += w[v] * values[((v * 5 + 3) * 72 + 6 * 8 + 5) * 3 + c];
+      }
+    }
+    std::vector<double> found(3);
+    model->decode_texel(shape.views + e, 3, 6, 5, found);
+    EXPECT_TRUE(all_near(found, expected, 1e-4)) << e;
+  }
+}
+
+// Products of rows say of a grid what slices that are interpolated do; and the samplers look up
+// what the model decodes to.
+TEST(KctaDevice, GridsOfViewsAreThoseOfTheReference) {
+  const auto source = source_of(shape, DType::f32, clustered_tensor(2, 3, 4, 2, 5));
+  Parameters asked = clustered(3, 2, "v=2,y=3,x=4");
+  asked["resample-views"] = "9";
+  const auto found = CodecRun{"kcta", true}.encode(*source, asked, Storage::f32);
+  const auto expected = CodecRun{"kcta", false}.encode(*source, asked, Storage::f32);
+  const std::size_t views = shape.views + 81;
+  std::vector<std::uint32_t> records;
+  std::vector<double> of_device;
+  std::vector<double> of_reference;
+  double largest = 0;
+  for (std::size_t v = 0; v < views; ++v) {
+    std::vector<double> one(3), other(3);
+    found->decode_texel(v, v % 5, v % 9, v % 8, one);
+    expected->decode_texel(v, v % 5, v % 9, v % 8, other);
+    of_device.insert(of_device.end(), one.begin(), one.end());
+    of_reference.insert(of_reference.end(), other.begin(), other.end());
+    for (const double value : other) largest = std::max(largest, std::abs(value));
+    records.insert(records.end(),
+                   {static_cast<std::uint32_t>(v % 9 * 8 + v % 8), static_cast<std::uint32_t>(v),
+                    static_cast<std::uint32_t>(v % 5)});
+  }
+  // both end near the same minimum; a greedy choice that rounding decides is none of these
+  EXPECT_TRUE(all_near(of_device, of_reference, 1e-3 * largest));
+
+  Device& device = shared_device();
+  const Codec& codec = find_codec("kcta");
+  Buffer lookups(device, records.size() * sizeof(std::uint32_t), "look-ups");
+  Buffer out(device, views * 3 * sizeof(float), "values");
+  device.write(lookups, std::span<const std::uint32_t>(records));
+  codec.sampler(device, *found)->look_up({1, 1, 1}, views, lookups, out);
+  std::vector<float> values(views * 3);
+  device.read(out, std::span<float>(values));
+  EXPECT_TRUE(all_near(values, of_device, lookup_tolerance(codec, *found, {1, 1, 1})));
+}
+
 TEST_P(Kcta, BadRequestsAreNamed) {
   const auto source = random_source(shape, DType::f16, 4);
   const auto refused = [&](const Parameters& parameters,
@@ -277,6 +345,9 @@ TEST_P(Kcta, BadRequestsAreNamed) {
   refused({{"global", "y,"}}, {"--global y,"});
   refused({{"init", "best"}}, {"--init best"});
   refused({{"iterations", "-1"}}, {"--iterations -1"});
+  refused({{"resample-views", "1025"}}, {"--resample-views 1025", "1024"});
+  refused({{"resample-views", "-1"}}, {"--resample-views -1"});
+  refused({{"resample-views", "4"}, {"mode", "lc"}}, {"--resample-views 4", "mode lc"});
   refused({{"threshold", "1"}}, {"--threshold 1"});
   refused({{"threshold", "x"}}, {"--threshold x"});
   refused({{"threshold", "0.1"}, {"align", "0"}}, {"--align 0"});

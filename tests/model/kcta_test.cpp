@@ -11,6 +11,8 @@
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
 #include "support/temporary_folder.hpp"
+#include "weft/btf/view_grid.hpp"
+#include "weft/btf/weights.hpp"
 #include "weft/model/kcta_parts.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/reference/kcta.hpp"
@@ -63,6 +65,19 @@ KctaModel random_model(const Shape& s, std::size_t mixtures, Storage storage = S
   }
   model.members = IndexTensor(members, model.clusters);
   model.mixing = random_floats(members.size() * model.ranks[model.mode], 6, -1, 1);
+  round_to_storage(model);
+  return model;
+}
+
+// The same with a grid of 3 x 3 views, of which none is in the last cluster.
+KctaModel with_grid(KctaModel model) {
+  model.grid_side = 3;
+  std::vector<std::uint32_t> members;
+  for (std::size_t e = 0; e < 9; ++e) {
+    for (std::uint32_t k = 0; k < model.mixtures; ++k) members.push_back(k + e % 2);
+  }
+  model.grid_members = IndexTensor(members, model.clusters);
+  model.grid_mixing = random_floats(members.size() * model.ranks[model.mode], 8, -1, 1);
   round_to_storage(model);
   return model;
 }
@@ -128,6 +143,118 @@ TEST(KctaModel, DecodesByTheFormula) {
       EXPECT_TRUE(all_near(images, sums, tolerance));
     }
   }
+}
+
+TEST(KctaModel, GridsOfViewsAreKept) {
+  for (const Storage storage : {Storage::f16, Storage::f32}) {
+    const TemporaryFolder folder;
+    const KctaModel model = with_grid(random_model(shapes[0], 2, storage));
+    write_model(folder / "m.weft", model);
+    const auto found = KctaModel::read(ModelFile(folder / "m.weft"));
+    EXPECT_EQ(found->view_grid(), 3U);
+    EXPECT_EQ(bytes_of(*found), bytes_of(model));
+  }
+}
+
+// A view of a grid decodes as a measured one with its clusters and coefficients would.
+TEST(KctaModel, ViewsOfGridsDecodeByTheFormula) {
+  const KctaModel model = with_grid(random_model(shapes[0], 2));
+  KctaModel measured = model;
+  for (std::size_t e = 0; e < 9; ++e) {
+    std::vector<std::uint32_t> members;
+    for (std::size_t i = 0; i < model.members.size(); ++i) {
+      members.push_back(static_cast<std::uint32_t>(model.members[i]));
+    }
+    for (std::size_t k = 0; k < 2; ++k) {
+      members[k] = static_cast<std::uint32_t>(model.member(shape.views + e, k));
+      const auto row = model.mixing_row(shape.views + e, k);
+      std::copy(row.begin(), row.end(), measured.mixing.begin() + static_cast<long>(2 * k));
+    }
+    measured.members = IndexTensor(members, clusters);
+    std::vector<double> found(3), expected(3);
+    for (std::size_t l = 0; l < shape.lights; ++l) {
+      model.decode_texel(shape.views + e, l, 2, 5, found);
+      measured.decode_texel(0, l, 2, 5, expected);
+      EXPECT_EQ(found, expected);
+    }
+  }
+}
+
+TEST(KctaModel, SelectionsOfAllViewsKeepTheGrid) {
+  const KctaModel model = with_grid(random_model(shapes[0], 2));
+  Selection lights;
+  lights.lights = {{2, 0}};
+  lights.region = Region{1, 1, 4, 2};
+  const auto part = model.select(lights);
+  ASSERT_EQ(part->view_grid(), 3U);
+  std::vector<double> found(3), expected(3);
+  for (std::size_t v = 0; v < shape.views + 9; ++v) {
+    part->decode_texel(v, 1, 1, 2, found);
+    model.decode_texel(v, 0, 2, 3, expected);
+    EXPECT_EQ(found, expected) << v;
+  }
+  Selection same;
+  same.views = {{0, 1, 2, 3, 4}};
+  EXPECT_EQ(model.select(same)->view_grid(), 3U);
+  Selection views;
+  views.views = {{1, 2, 3, 4}};
+  EXPECT_EQ(model.select(views)->view_grid(), 0U);
+}
+
+// Divided by factors of views, a grid is by what lies between them: where a view of the grid is a
+// measured one, by its own.
+TEST(KctaModel, GridsAreDividedAsTheirViews) {
+  KctaModel model = with_grid(random_model(shapes[0], 2, Storage::f32));
+  const ViewGrid grid(3);
+  for (std::size_t v = 0; v < shape.views; ++v) {
+    const auto d = grid.direction(2 * v);
+    model.info.btf.view_directions[v] = {static_cast<float>(d[0]), static_cast<float>(d[1]),
+                                         static_cast<float>(d[2])};
+  }
+  KctaModel divided = model;
+  Weights scale;
+  scale.views = {1, 2, 4, 8, 16};
+  divided.divide(scale);
+  for (std::size_t e = 0; e < 9; ++e) {
+    const double found =
+        double{model.mixing_row(5 + e, 1)[0]} / double{divided.mixing_row(5 + e, 1)[0]};
+    EXPECT_GE(found, 1 - 1e-6);
+    EXPECT_LE(found, 16 + 1e-6);
+    if (e % 2 == 0) {
+      EXPECT_NEAR(found, scale.views[e / 2], 1e-4);
+    }
+  }
+}
+
+TEST(KctaModel, GridsThatDoNotFitAreRefused) {
+  const TemporaryFolder folder;
+  const auto path = folder / "m.weft";
+  const auto expect_refused = [&](const KctaModel& model,
+                                  std::initializer_list<std::string_view> parts,
+                                  const auto& change) {
+    LyingModel lying(model);
+    change(lying);
+    write_model(path, lying);
+    expect_error(ErrorKind::input, parts, [&] { KctaModel::read(ModelFile(path)); });
+  };
+  const KctaModel model = with_grid(random_model(shapes[0], 2));
+  const std::size_t last = model.tensors().size() - 1;  // grid.mixing, behind grid.clusters
+  expect_refused(model, {"m.weft", "grid.mixing"},
+                 [&](LyingModel& m) { m.list.erase(m.list.begin() + static_cast<long>(last)); });
+  expect_refused(model, {"m.weft", "grid.clusters", "N N"}, [&](LyingModel& m) {
+    m.list[last - 1].shape = {6, 3};
+  });
+  expect_refused(model, {"m.weft", "grid.clusters"}, [&](LyingModel& m) {
+    m.list[last - 1].shape = {9, 1, 2};
+  });
+  const std::vector<std::uint8_t> twice(18, 1);
+  expect_refused(model, {"m.weft", "grid.clusters", "ascend"},
+                 [&](LyingModel& m) { m.list[last - 1].values = std::as_bytes(std::span(twice)); });
+  KctaModel of_lights = random_model(shapes[2], 2);
+  of_lights.grid_side = 1;
+  of_lights.grid_members = IndexTensor(std::vector<std::uint32_t>{0, 1}, clusters);
+  of_lights.grid_mixing.assign(2 * of_lights.ranks[of_lights.mode], 1.0f);
+  expect_refused(of_lights, {"m.weft", "grid.clusters", "mode lc"}, [](LyingModel&) {});
 }
 
 TEST(KctaModel, OneMixingRowMeetsOneCore) {

@@ -12,6 +12,7 @@
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/shared_device.hpp"
+#include "weft/btf/view_grid.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/scene/render_picture.hpp"
 #include "weft/scene/texture_taps.hpp"
@@ -133,6 +134,38 @@ TEST(Shade, SmallModel) {
   EXPECT_TRUE(
       all_near(flat(shade(*device, batch, job)), flat(shade(*reference, batch, job)),
                2 * 2 * sample_tolerance(DType::f32) + 2 * codec.decode_tolerance(*model) * 40));
+}
+
+// Points seen large look up the entry of a model's grid of views that they are in, whatever their
+// direction within it; and levels that are taken of images look between the measured views.
+TEST(Shade, ModelsWithAGridOfViews) {
+  const auto source =
+      material({9, 8, 4, 4, 3}, DType::f32, Encoding::linear, Quantity::radiance, false);
+  Job job;
+  const Codec& codec = find_codec("kcta");
+  const std::shared_ptr<const Model> model = codec.encode_reference(
+      *source, {{"clusters", "3"}, {"mixtures", "2"}, {"ranks", "v=2"}, {"resample-views", "8"}},
+      Storage::f32, job);
+  const auto device = make_shader(&shared_device(), model, job);
+  const auto reference = make_shader(nullptr, model, job);
+  const double tolerance =
+      2 * 2 * sample_tolerance(DType::f32) + 2 * codec.decode_tolerance(*model) * 40;
+  const Batch batch = random_batch(60, 2);
+  EXPECT_TRUE(
+      all_near(flat(shade(*device, batch, job)), flat(shade(*reference, batch, job)), tolerance));
+
+  Batch large = seen_large(random_batch(20, 1));
+  const std::vector<PointRadiance> found = shade(*device, large, job);
+  const ViewGrid grid(8);
+  for (std::size_t i = 0; i < large.points.size(); ++i) {
+    const auto& view = large.points[i].view;
+    const auto d = grid.direction(grid.entry({view[0], view[1], view[2]}));
+    for (std::size_t k = 0; k < 3; ++k) {
+      // a little towards the centre of its entry
+      large.points[i].view[k] = static_cast<float>(0.7 * double{view[k]} + 0.3 * d[k]);
+    }
+  }
+  EXPECT_EQ(flat(shade(*device, large, job)), flat(found));
 }
 
 TEST(Shade, DeviceAndReferenceAgreeOfRaw) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "io/file_bytes.hpp"
 #include "support/generators.hpp"
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
@@ -58,6 +59,35 @@ TEST_F(ClustersProcess, AreCompressedVerifiedAndExpanded) {
   EXPECT_EQ(std::filesystem::file_size(path("e.npy")), std::filesystem::file_size(path("m.npy")));
   run({"decompress", path("m.weft"), "--views", "2,5", "--region", "1,2,4x3", "-o", path("p.npy")});
   EXPECT_EQ(run({"info", path("m.weft")}).at("files").at(0).at("codec"), "kcta");
+}
+
+TEST_F(ClustersProcess, ViewsAreResampledForPictures) {
+  const std::vector<std::string> asked{"compress",     raw(), "--codec", "kcta",
+                                       "--clusters",   "3",   "--ranks", "v=2,y=4,x=4",
+                                       "--iterations", "2"};
+  const auto made = [&](const std::string& name, std::vector<std::string> more) {
+    std::vector<std::string> arguments = asked;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    arguments.insert(arguments.end(), {"-o", path(name)});
+    return run(arguments);
+  };
+  const json plain = made("p.weft", {});
+  const json dense = made("d.weft", {"--resample-views", "16"});
+  EXPECT_EQ(dense.at("parameters").at("resample_views"), 16);
+  // what is decoded in bulk is the same
+  run({"verify", path("d.weft"), "--against", raw()});
+  run({"decompress", path("p.weft"), "-o", path("p.npy")});
+  run({"decompress", path("d.weft"), "-o", path("d.npy")});
+  EXPECT_EQ(read_bytes(path("p.npy")), read_bytes(path("d.npy")));
+  EXPECT_GT(std::filesystem::file_size(path("d.weft")),
+            std::filesystem::file_size(path("p.weft")) + 256 * 3 * 5);
+  for (const char* device : {"auto", "reference"}) {
+    run({"render", path("d.weft"), "--size", "24", "--device", device, "-o", path("d.png")});
+  }
+  run({"render", path("p.weft"), "--size", "24", "-o", path("p.png")});
+  EXPECT_NE(read_bytes(path("p.png")), read_bytes(path("d.png")));
+  expect_bad({"--resample-views", "2000"}, "--resample-views 2000");
+  expect_bad({"--resample-views", "4", "--mode", "y"}, "clusters are of mode y");
 }
 
 TEST_F(ClustersProcess, HardClustersAreACodecOfTheirOwn) {

@@ -6,13 +6,16 @@
 #include <optional>
 #include <utility>
 
+#include "weft/codecs/decompose_cluster.hpp"
 #include "weft/codecs/fit_tucker.hpp"
 #include "weft/codecs/held_tensor.hpp"
+#include "weft/codecs/mix_slices.hpp"
 #include "weft/codecs/scan_source.hpp"
 #include "weft/codecs/slice_rows.hpp"
 #include "weft/codecs/tucker_plan.hpp"
 #include "weft/error.hpp"
 #include "weft/reference/factorise.hpp"
+#include "weft/reference/kcta_mixing.hpp"
 #include "weft/tensor/sizes.hpp"
 
 namespace weft {
@@ -21,25 +24,7 @@ namespace {
 using reference::KctaMixing;
 using Sizes = std::vector<std::size_t>;
 
-// The leading `rank` eigenvectors of a Gram matrix, [n][rank].
-std::vector<float> leading(std::size_t n, std::span<const double> gram, std::size_t rank) {
-  const reference::SymmetricEigen eigen = reference::symmetric_eigen(n, gram);
-  std::vector<float> U(n * rank);
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < rank; ++j) {
-      U[i * rank + j] = static_cast<float>(eigen.vectors[i * n + j]);
-    }
-  }
-  return U;
-}
-
-std::vector<float> transposed(std::size_t rows, std::size_t columns, std::span<const float> M) {
-  std::vector<float> result(M.size());
-  for (std::size_t i = 0; i < rows; ++i) {
-    for (std::size_t j = 0; j < columns; ++j) result[j * rows + i] = M[i * columns + j];
-  }
-  return result;
-}
+constexpr const char* update_stage = "update stage";
 
 // The decomposition of the global bases: those modes are cut, the others stay whole.
 TuckerOptions global_options(const KctaRequest& request) {
@@ -54,30 +39,6 @@ TuckerOptions global_options(const KctaRequest& request) {
   options.request.storage = Storage::f32;
   return options;
 }
-
-// How slices lie: sizes and ranks of the modes, the clustered one first, after the global bases.
-struct SliceShape {
-  Sizes groups;  // which group each mode is
-  Sizes sizes;
-  Sizes ranks;
-
-  explicit SliceShape(const KctaRequest& request) {
-    groups.push_back(request.mode);
-    for (std::size_t n = 0; n < request.groups.count(); ++n) {
-      if (n != request.mode) groups.push_back(n);
-    }
-    for (const std::size_t n : groups) {
-      const bool global = request.cuts(n) && request.global_mode[n] != 0;
-      sizes.push_back(global ? request.ranks[n] : request.groups.groups()[n].size);
-      ranks.push_back(request.ranks[n]);
-    }
-  }
-  std::size_t slices() const { return sizes[0]; }
-  std::size_t row() const { return product(std::span(sizes).subspan(1)); }
-  std::size_t core_row() const { return product(std::span(ranks).subspan(1)); }
-  // Modes behind the first with a basis for each cluster.
-  bool local(std::size_t axis) const { return ranks[axis] < sizes[axis]; }
-};
 
 // Bytes that are held beside A: rows of clusters, and of slices less what clusters make of them.
 std::size_t held_beside(const KctaRequest& request, const SliceShape& shape) {
@@ -104,24 +65,19 @@ MemoryPlan working_plan(const Device& device, const KctaRequest& request, const 
   const std::size_t products = request.clusters * rank;
   plan.add("small problem",
            (6 * eigen * eigen + products * (2 * products + shape.slices())) * sizeof(double));
+  if (request.grid_side > 0) plan.add("grid of views", grid_bytes(request));
   return plan;
 }
 
-// A cluster: its core [R_m][R_n ...] and the bases of the modes behind the first, or none.
-struct Cluster {
-  std::vector<float> Z;
-  std::vector<std::vector<float>> U;  // of mode a at a
-};
-
 struct State {
-  std::vector<Cluster> clusters;
+  std::vector<ClusterBases> clusters;
   std::size_t mixtures = 1;
   KctaMixing mixing;
 
   double error() const { return std::accumulate(mixing.errors.begin(), mixing.errors.end(), 0.0); }
   double core_norms() const {
     double sum = 0;
-    for (const Cluster& cluster : clusters) {
+    for (const ClusterBases& cluster : clusters) {
       double squares = 0;
       for (const float value : cluster.Z) squares += double{value} * double{value};
       sum += std::sqrt(squares);
@@ -139,7 +95,8 @@ class Fitter {
         job_(job),
         shape_(request),
         row_(shape_.row()),
-        rank_(shape_.ranks[0]) {}
+        rank_(shape_.ranks[0]),
+        decomposition_(device, shape_, update_stage, job) {}
 
   KctaFit run() {
     hold_slices();
@@ -234,8 +191,8 @@ class Fitter {
       const RowList rows = row_list(B_, request_.clusters * rank_, row_);
       const std::vector<double> gram = row_products(device_, row_, rows, rows);
       const std::vector<double> products = row_products(device_, row_, slices_, rows);
-      const double slices = static_cast<double>(shape_.slices() + rows.size());
-      job_.stage("clustering stage").flops += 2 * slices * static_cast<double>(rows.size() * row_);
+      count_products(job_.stage("clustering stage"), shape_.slices() + rows.size(), rows.size(),
+                     row_);
       state_.mixtures = mixtures;
       state_.mixing = mix_by_products(request_.clusters, mixtures, products, gram, squares_);
       for (const SliceMove& move : fill_empty_clusters(
@@ -281,7 +238,7 @@ class Fitter {
 
   // The rows of a cluster from its core and bases.
   void expand(std::size_t c) {
-    const Cluster& cluster = state_.clusters[c];
+    const ClusterBases& cluster = state_.clusters[c];
     std::vector<RowProduct> steps;
     Sizes sizes(shape_.ranks.begin() + 1, shape_.ranks.end());
     // the last mode first: what is in front of it is still short
@@ -289,13 +246,14 @@ class Fitter {
       if (!shape_.local(a)) continue;
       steps.push_back({a - 1, ops::ModeProduct::expand, shape_.sizes[a], cluster.U[a]});
     }
+    count_modes(job_.stage(update_stage), rank_, sizes, steps);
     multiply_modes(device_, sizes, row_list(cluster.Z, rank_, shape_.core_row()), steps,
                    B_.data() + c * rank_ * row_);
   }
 
   // The update stage, (20)-(22); `fresh` clusters have no bases yet.
   void update(std::vector<bool> fresh) {
-    const StageTimer timer(job_, "update stage");
+    const StageTimer timer(job_, update_stage);
     const std::size_t K = state_.mixtures;
     KctaMixing& mixing = state_.mixing;
     const auto lists = slices_of_clusters(request_.clusters, K, mixing.members);
@@ -310,7 +268,10 @@ class Fitter {
             std::find(first, first + static_cast<std::ptrdiff_t>(K), c) - first));
       }
       const RowList residual = residual_of(c, list, fresh);
-      const std::vector<float> U_m = decompose(c, list, places, residual, fresh[c]);
+      const std::vector<float> U_m =
+          fresh[c]
+              ? decomposition_.begin(state_.clusters[c], residual)
+              : decomposition_.refine(state_.clusters[c], residual, orthonormal_rows(list, places));
       fresh[c] = false;
       expand(c);
       set_rows(c, list, places, residual, U_m);
@@ -358,48 +319,10 @@ class Fitter {
       residual_ = FloatStore(list.size() * row_, place_);
     }
     combine_rows(device_, row_, mine, M, rows, residual_.data());
-    job_.stage("update stage").flops +=
-        2 * static_cast<double>(M.size()) * static_cast<double>(row_);
+    count_sums(job_.stage(update_stage), list.size(), list.size(), rows.size(), row_);
     residual_.release();
     B_.release();
     return row_list(std::span<const float>(residual_), list.size(), row_);
-  }
-
-  // The N-mode SVD of a cluster's slices (section 4.3) by alternating least squares, from the
-  // mixing matrix and bases that it has, or from none; returns U_m, [slices][least of those and
-  // R_m].
-  std::vector<float> decompose(std::size_t c, const std::vector<std::size_t>& list,
-                               const Sizes& places, const RowList& slices, bool cold) {
-    const std::size_t count = list.size();
-    const std::size_t rank = std::min(rank_, count);
-    Cluster& cluster = state_.clusters[c];
-    std::vector<float> U_m;
-    HeldTensor W;
-    if (cold) {
-      cluster.U.assign(shape_.sizes.size(), {});
-      U_m = leading(count, row_products(device_, row_, slices, slices), rank);
-      W = onto_rows(slices, U_m, count, rank);
-      HeldTensor T = W;
-      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
-        if (shape_.local(a)) project_onto_leading(T, a, cluster.U[a]);
-      }
-    } else {
-      U_m = orthonormal_rows(list, places);
-    }
-    for (std::size_t s = 0; s < (cold ? cold_sweeps : warm_sweeps); ++s) {
-      if (s > 0 || !cold) W = onto_rows(slices, U_m, count, rank);
-      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
-        if (!shape_.local(a)) continue;
-        HeldTensor T = W;
-        for (std::size_t b = 1; b < shape_.sizes.size(); ++b) {
-          if (b != a && shape_.local(b)) project(T, b, cluster.U[b]);
-        }
-        project_onto_leading(T, a, cluster.U[a], false);
-      }
-      U_m = decompose_slices(cluster, slices, rank);
-    }
-    cluster.Z.resize(product(shape_.ranks), 0.0f);  // fewer slices than ranks
-    return U_m;
   }
 
   // U'_m,c of section 4.2.3: the left singular vectors of a mixing matrix's rows.
@@ -414,54 +337,6 @@ class Fitter {
     }
     const std::vector<double> U = reference::thin_svd(list.size(), rank_, rows).U;
     return {U.begin(), U.end()};
-  }
-
-  // slices x_m U_m^T
-  HeldTensor onto_rows(const RowList& slices, const std::vector<float>& U_m, std::size_t count,
-                       std::size_t rank) {
-    Sizes sizes = shape_.sizes;
-    sizes[0] = rank;
-    HeldTensor W(std::move(sizes), FloatStore::Place::memory);
-    combine_rows(device_, row_, {}, transposed(count, rank, U_m), slices, W.values.data());
-    job_.stage("update stage").flops += 2 * static_cast<double>(rank * count * row_);
-    return W;
-  }
-
-  void project(HeldTensor& T, std::size_t axis, const std::vector<float>& U) {
-    job_.stage("update stage").flops +=
-        2 * static_cast<double>(T.values.size() * shape_.ranks[axis]);
-    T.project(device_, axis, shape_.ranks[axis], U);
-  }
-
-  // The basis of a mode of T, and T projected onto it.
-  void project_onto_leading(HeldTensor& T, std::size_t axis, std::vector<float>& U,
-                            bool projects = true) {
-    job_.stage("update stage").flops +=
-        static_cast<double>(T.values.size() * (shape_.sizes[axis] + 1));
-    U = leading(shape_.sizes[axis], T.gram(device_, axis, Arithmetic::f32), shape_.ranks[axis]);
-    if (projects) project(T, axis, U);
-  }
-
-  // The slices projected onto the bases of the other modes, their mixing matrix and the core.
-  std::vector<float> decompose_slices(Cluster& cluster, const RowList& slices, std::size_t rank) {
-    std::vector<RowProduct> steps;
-    for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
-      if (!shape_.local(a)) continue;
-      steps.push_back({a - 1, ops::ModeProduct::project, shape_.ranks[a], cluster.U[a]});
-    }
-    const std::size_t length = shape_.core_row();
-    RowList onto = slices;
-    if (!steps.empty()) {
-      if (P_.size() < slices.size() * length) P_.resize(slices.size() * length);
-      const Sizes sizes(shape_.sizes.begin() + 1, shape_.sizes.end());
-      multiply_modes(device_, sizes, slices, steps, P_.data());
-      onto = row_list(P_, slices.size(), length);
-    }
-    std::vector<float> U_m =
-        leading(slices.size(), row_products(device_, length, onto, onto), rank);
-    cluster.Z.assign(rank * length, 0.0f);
-    combine_rows(device_, length, {}, transposed(slices.size(), rank, U_m), onto, cluster.Z.data());
-    return U_m;
   }
 
   // The rows of a mixing matrix in their places, and errors of slices whose last cluster it is.
@@ -486,7 +361,20 @@ class Fitter {
     if (last.empty()) return;
     const std::vector<double> errors =
         combined_squares(device_, row_, picked(residual, last), M, rows_of(c));
+    count_sums(job_.stage(update_stage), last.size(), 0, rank_, row_);
     for (std::size_t s = 0; s < last.size(); ++s) mixing.errors[list[last[s]]] = errors[s];
+  }
+
+  // Clusters and coefficients for what is interpolated between the slices (section 6.3.2).
+  void resample(KctaModel& model) {
+    const StageTimer timer(job_, "resample views");
+    const RowList rows = row_list(B_, request_.clusters * rank_, row_);
+    const std::vector<double> gram = row_products(device_, row_, rows, rows);
+    const std::vector<double> products = row_products(device_, row_, slices_, rows);
+    const ViewResampling views(source_.info().view_directions, request_.grid_side);
+    set_grid(model, request_.grid_side,
+             mix_between(views, request_.clusters, request_.mixtures, products, gram));
+    count_products(job_.stage("resample views"), shape_.slices() + rows.size(), rows.size(), row_);
   }
 
   void make_model() {
@@ -497,7 +385,7 @@ class Fitter {
     model.ranks = request_.ranks;
     model.global = std::move(global_);
     const float inverse = 1 / scale_;
-    for (const Cluster& cluster : state_.clusters) {
+    for (const ClusterBases& cluster : state_.clusters) {
       for (const float value : cluster.Z) {
         // in two steps where the scale's inverse is no normal float
         model.cores.push_back(std::isnormal(inverse)
@@ -512,6 +400,7 @@ class Fitter {
     const std::vector<double>& u = state_.mixing.coefficients;
     set_mixing(model, request_.mixtures, state_.mixtures, state_.mixing.members,
                std::vector<float>(u.begin(), u.end()));
+    if (request_.grid_side > 0) resample(model);
     const double unit = 1 / (double{scale_} * double{scale_});
     for (double& error : fit_.errors.history) error *= unit;
   }
@@ -523,113 +412,19 @@ class Fitter {
   SliceShape shape_;
   std::size_t row_;   // values of a slice
   std::size_t rank_;  // R_m
+  ClusterDecomposition decomposition_;
   std::vector<std::vector<float>> global_;
   float scale_ = 1;
   FloatStore A_, B_;
   FloatStore::Place place_ = FloatStore::Place::memory;
   RowList slices_;
   FloatStore residual_;          // R'_c of the cluster that is updated
-  std::vector<float> P_;         // its slices projected onto the other modes
   std::vector<double> squares_;  // of slices
   State state_;
   KctaFit fit_;
 };
 
-// A^-1/2 of an n x n Gram matrix, 0 where its eigenvalues count as 0.
-std::vector<double> inverse_root(std::size_t n, std::span<const double> gram) {
-  const reference::SymmetricEigen eigen = reference::symmetric_eigen(n, gram);
-  const double least = mixing_cutoff * std::max(0.0, eigen.values[0]);
-  std::vector<double> root(n * n, 0.0);
-  for (std::size_t k = 0; k < n; ++k) {
-    if (!(eigen.values[k] > least)) continue;
-    const double scale = 1 / std::sqrt(eigen.values[k]);
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) {
-        root[i * n + j] += scale * eigen.vectors[i * n + k] * eigen.vectors[j * n + k];
-      }
-    }
-  }
-  return root;
-}
-
 }  // namespace
-
-KctaMixing mix_by_products(std::size_t clusters, std::size_t mixtures,
-                           std::span<const double> products, std::span<const double> gram,
-                           std::span<const double> squares) {
-  const std::size_t slices = squares.size();
-  const std::size_t columns = products.size() / slices;
-  const std::size_t R = columns / clusters;
-  std::vector<std::vector<double>> roots;
-  for (std::size_t c = 0; c < clusters; ++c) {
-    std::vector<double> block;
-    for (std::size_t r = 0; r < R; ++r) {
-      const auto row = gram.subspan((c * R + r) * columns + c * R, R);
-      block.insert(block.end(), row.begin(), row.end());
-    }
-    roots.push_back(inverse_root(R, block));
-  }
-
-  KctaMixing mixing;
-  mixing.members.resize(slices * mixtures);
-  mixing.coefficients.resize(slices * mixtures * R);
-  mixing.errors.resize(slices);
-  std::vector<double> left(R);
-  for (std::size_t i = 0; i < slices; ++i) {
-    const auto a = products.subspan(i * columns, columns);
-    std::vector<std::size_t> chosen;
-    std::vector<std::size_t> rows;  // of B, those of the chosen
-    std::vector<double> u;
-    double explained = 0;
-    for (std::size_t k = 0; k < mixtures; ++k) {
-      // greedy search: (9), (13)
-      std::size_t best = clusters;
-      double largest = 0;
-      for (std::size_t c = 0; c < clusters; ++c) {
-        if (std::find(chosen.begin(), chosen.end(), c) != chosen.end()) continue;
-        for (std::size_t r = 0; r < R; ++r) {
-          left[r] = a[c * R + r];
-          for (std::size_t p = 0; p < rows.size(); ++p) {
-            left[r] -= u[p] * gram[rows[p] * columns + c * R + r];
-          }
-        }
-        double found = 0;
-        for (std::size_t r = 0; r < R; ++r) {
-          double sum = 0;
-          for (std::size_t s = 0; s < R; ++s) sum += left[s] * roots[c][s * R + r];
-          found += sum * sum;
-        }
-        if (best == clusters || found > largest) {
-          best = c;
-          largest = found;
-        }
-      }
-      // optimal projection: (15)-(18)
-      chosen.push_back(best);
-      for (std::size_t r = 0; r < R; ++r) rows.push_back(best * R + r);
-      std::vector<double> G;
-      std::vector<double> right;
-      for (const std::size_t p : rows) {
-        right.push_back(a[p]);
-        for (const std::size_t q : rows) G.push_back(gram[p * columns + q]);
-      }
-      u = reference::solve_mixing(rows.size(), G, right);
-      explained = std::inner_product(u.begin(), u.end(), right.begin(), 0.0);
-    }
-    mixing.errors[i] = std::max(0.0, squares[i] - explained);
-    std::vector<std::size_t> order(mixtures);
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t p, std::size_t q) { return chosen[p] < chosen[q]; });
-    for (std::size_t k = 0; k < mixtures; ++k) {
-      mixing.members[i * mixtures + k] = static_cast<std::uint32_t>(chosen[order[k]]);
-      std::copy_n(
-          u.begin() + static_cast<std::ptrdiff_t>(order[k] * R), R,
-          mixing.coefficients.begin() + static_cast<std::ptrdiff_t>((i * mixtures + k) * R));
-    }
-  }
-  return mixing;
-}
 
 MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& request,
                      const Job& job) {

@@ -184,11 +184,11 @@ class KctaCodec final : public Codec {
       }
     }
     double bound = 0;
-    for (std::size_t i = 0; i < kcta.slices(); ++i) {
+    for (std::size_t i = 0; i < kcta.all_slices(); ++i) {
       double sum = 0;
       for (std::size_t k = 0; k < kcta.mixtures; ++k) {
         const std::span<const float> row = kcta.mixing_row(i, k);
-        sum += bounds[kcta.members[i * kcta.mixtures + k]] * largest_row(row, row.size());
+        sum += bounds[kcta.member(i, k)] * largest_row(row, row.size());
       }
       bound = std::max(bound, sum);
     }
@@ -245,11 +245,11 @@ class KctaCodec final : public Codec {
     }
     return fmt::format(
         R"({{"merge":"{}","mode":"{}","clusters":{},"mixtures":{},"ranks":{{{}}},"sizes":{{{}}},)"
-        R"("global":"{}","init":"{}","iterations":{},"factors_error":{:.6g}}})",
+        R"("global":"{}","init":"{}","iterations":{},"resample_views":{},"factors_error":{:.6g}}})",
         model.groups.merge(), model.groups.groups()[model.mode].name, model.clusters,
         model.mixtures, ranks_json(model.groups, model.ranks),
         ranks_json(model.groups, model.groups.sizes()), global, name_of(request.start),
-        request.iterations, error);
+        request.iterations, model.grid_side, error);
   }
 
   std::unique_ptr<Model> finish(KctaFit fit, const KctaRequest& request, const BtfInfo& source,

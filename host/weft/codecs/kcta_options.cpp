@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "weft/btf/view_grid.hpp"
 #include "weft/codecs/rank_options.hpp"
 #include "weft/error.hpp"
 #include "weft/model/tucker_ranks.hpp"
@@ -92,6 +93,19 @@ void check_length(const KctaRequest& request, std::size_t n) {
              longest_kcta_mode);
 }
 
+std::size_t grid_side_of(const Codec& codec, const Parameters& parameters,
+                         const KctaRequest& request) {
+  const std::size_t side = count_parameter(codec, parameters, "resample-views", 0);
+  if (side > most_grid_side) {
+    fail_input("--resample-views {}: a side of at most {} is taken", side, most_grid_side);
+  }
+  const ModeGroup& slices = request.groups.groups()[request.mode];
+  if (side > 0 && slices.name != "v") {
+    fail_input("--resample-views {}: clusters are of mode {}, not of views", side, slices.name);
+  }
+  return side;
+}
+
 KctaRequest options_by(const Codec& codec, const Parameters& parameters, const BtfInfo& source,
                        const ModeSpectra& spectra, const Choice& choice) {
   KctaRequest request = modes_of(codec, parameters, source);
@@ -102,6 +116,8 @@ KctaRequest options_by(const Codec& codec, const Parameters& parameters, const B
     return chosen_rank(spectra.empty() ? std::span<const double>() : std::span(spectra[n]),
                        choice.goal.threshold, align, request.groups.groups()[n].size);
   };
+
+  request.grid_side = grid_side_of(codec, parameters, request);
 
   // ranks
   std::size_t others = 0;

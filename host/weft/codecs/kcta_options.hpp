@@ -12,7 +12,7 @@
 namespace weft {
 
 // `cta` has all but the last.
-inline constexpr std::array<ParameterSpec, 11> kcta_parameters{{
+inline constexpr std::array<ParameterSpec, 12> kcta_parameters{{
     {"merge", "lc", "modes merged into one, as yxc (TensorTextures), lc or vl,yx; or none"},
     {"mode", "v", "mode along which slices are clustered"},
     {"clusters", "", "clusters; 8, or the slices if they are fewer"},
@@ -28,6 +28,9 @@ inline constexpr std::array<ParameterSpec, 11> kcta_parameters{{
     {"align", "1", "chosen ranks are multiples of it"},
     {"init", "directions", "first clusters: of directions, of slices or random"},
     {"iterations", "10", "most iterations of clustering and update"},
+    {"resample-views", "0",
+     "side N of a grid of N x N views beside the measured ones, interpolated for renderers; 0: "
+     "none. Of clusters of views"},
     {"mixtures", "", "mixture clusters of each slice; 3, or the clusters if they are fewer"},
 }};
 

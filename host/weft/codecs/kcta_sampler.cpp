@@ -16,10 +16,6 @@ namespace {
 
 constexpr std::size_t light_group = 1;  // behind views that stand alone
 
-bool clusters_views(const KctaModel& model) {
-  return model.mode == 0 && model.groups.groups()[0].modes.size() == 1;
-}
-
 ops::KctaRows rows_of(const KctaModel& model) {
   ops::KctaRows rows;
   rows.clusters = model.clusters;
@@ -57,13 +53,17 @@ class ViewClusterSampler final : public DeviceSampler {
         rows_(rows_of(model)),
         order_(device, shape_.texels()) {
     std::vector<std::uint32_t> members;
-    for (std::size_t i = 0; i < model.members.size(); ++i) {
-      members.push_back(static_cast<std::uint32_t>(model.members[i]));
+    std::vector<float> mixing = model.mixing;
+    mixing.insert(mixing.end(), model.grid_mixing.begin(), model.grid_mixing.end());
+    for (std::size_t i = 0; i < model.all_slices(); ++i) {
+      for (std::size_t k = 0; k < model.mixtures; ++k) {
+        members.push_back(static_cast<std::uint32_t>(model.member(i, k)));
+      }
     }
     clusters_ = Buffer(device, members.size() * sizeof(std::uint32_t), "clusters of views");
     device.write(clusters_, std::span<const std::uint32_t>(members));
-    mixing_ = Buffer(device, model.mixing.size() * sizeof(float), "mixing coefficients");
-    device.write(mixing_, std::span<const float>(model.mixing));
+    mixing_ = Buffer(device, mixing.size() * sizeof(float), "mixing coefficients");
+    device.write(mixing_, std::span<const float>(mixing));
     const std::vector<float>& factor =
         rows_.local_lights ? model.local[light_group] : model.global[light_group];
     const std::size_t lit = light_rows(model);
@@ -138,8 +138,8 @@ class ViewClusterSampler final : public DeviceSampler {
   BtfShape shape_;
   ops::KctaRows rows_;
   ops::TexelOrder order_;
-  Buffer clusters_;  // [V][K]
-  Buffer mixing_;    // [V][K][R_view]
+  Buffer clusters_;  // of the measured views and those of a grid: [V + N N][K]
+  Buffer mixing_;    // [V + N N][K][R_view]
   Buffer lights_;    // rows of lights, padded
   Buffer table_;     // cores by texels, padded rows of lights
 };
@@ -168,19 +168,20 @@ class StackedSampler final : public DeviceSampler {
 }  // namespace
 
 std::unique_ptr<DeviceSampler> kcta_sampler(Device& device, const KctaModel& model) {
-  if (clusters_views(model)) return std::make_unique<ViewClusterSampler>(device, model);
+  if (model.clusters_views()) return std::make_unique<ViewClusterSampler>(device, model);
   return std::make_unique<StackedSampler>(device, model);
 }
 
 std::size_t kcta_sampler_bytes(const KctaModel& model) {
-  if (!clusters_views(model)) {
+  if (!model.clusters_views()) {
     return tucker_sampler_bytes(*stacked_outline(model)) + stacking_bytes(model);
   }
   const BtfShape& shape = model.info.btf.shape;
   const std::size_t floats =
-      2 * table_floats(model) + model.mixing.size() +
+      2 * table_floats(model) + model.mixing.size() + model.grid_mixing.size() +
       ops::row_floats(light_rows(model), model.ranks[light_group], "rows of lights");
-  return floats * sizeof(float) + model.members.size() * sizeof(std::uint32_t) +
+  return floats * sizeof(float) +
+         (model.members.size() + model.grid_members.size()) * sizeof(std::uint32_t) +
          ops::TexelOrder::most_bytes(shape.texels());
 }
 

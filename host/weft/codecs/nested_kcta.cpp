@@ -25,6 +25,7 @@ struct ClusteredSizes {
   std::size_t clusters = 1;
   std::size_t mixtures = 1;
   std::vector<std::uint8_t> global;  // whether a mode has one basis for all clusters
+  std::size_t grid_side = 0;
 
   double numbers(std::span<const std::size_t> ranks) const {
     const auto count = static_cast<double>(clusters);
@@ -35,7 +36,8 @@ struct ClusteredSizes {
       const double column = static_cast<double>(sizes[n]) * rank;
       core *= rank;
       if (n == mode) {
-        rest += static_cast<double>(mixtures) * column;
+        const auto rows = static_cast<double>(sizes[n] + grid_side * grid_side);
+        rest += static_cast<double>(mixtures) * rows * rank;
       } else if (ranks[n] < sizes[n]) {
         rest += (global[n] != 0 ? 1 : count) * column;
       }
@@ -58,7 +60,8 @@ class NestedKcta final : public NestedModels {
  public:
   explicit NestedKcta(NestedClusters clusters) : made_(std::move(clusters)) {
     const KctaModel& whole = *made_.fit.model;
-    counted_ = {whole.groups.sizes(), whole.mode, whole.clusters, whole.mixtures, made_.global};
+    counted_ = {whole.groups.sizes(), whole.mode,   whole.clusters,
+                whole.mixtures,       made_.global, whole.grid_side};
     axes_.push_back(whole.mode);
     for (std::size_t n = 0; n < whole.groups.count(); ++n) {
       if (n != whole.mode) axes_.push_back(n);
@@ -96,6 +99,10 @@ class NestedKcta final : public NestedModels {
     model->ranks = ranks;
     model->members = whole.members;
     model->mixing = leading_columns(whole.mixing, whole.ranks[whole.mode], ranks[whole.mode]);
+    model->grid_side = whole.grid_side;
+    model->grid_members = whole.grid_members;
+    model->grid_mixing =
+        leading_columns(whole.grid_mixing, whole.ranks[whole.mode], ranks[whole.mode]);
     for (std::size_t n = 0; n < ranks.size(); ++n) {
       if (n == whole.mode || ranks[n] == counted_.sizes[n]) continue;
       auto& to = counted_.global[n] != 0 ? model->global[n] : model->local[n];
@@ -196,12 +203,16 @@ class NestedKcta final : public NestedModels {
   void turn_mixing(std::size_t c, const Values& Q) {
     KctaModel& whole = *made_.fit.model;
     const std::size_t rank = whole.ranks[whole.mode];
-    for (std::size_t i = 0; i < whole.members.size(); ++i) {
-      if (whole.members[i] != c) continue;
-      const std::span<float> row = std::span(whole.mixing).subspan(i * rank, rank);
-      const std::vector<float> made = turned(row, Q, rank);
-      std::copy(made.begin(), made.end(), row.begin());
-    }
+    const auto turn = [&](const IndexTensor& members, std::span<float> mixing) {
+      for (std::size_t i = 0; i < members.size(); ++i) {
+        if (members[i] != c) continue;
+        const std::span<float> row = mixing.subspan(i * rank, rank);
+        const std::vector<float> made = turned(row, Q, rank);
+        std::copy(made.begin(), made.end(), row.begin());
+      }
+    };
+    turn(whole.members, whole.mixing);
+    turn(whole.grid_members, whole.grid_mixing);
   }
 
   // Chains of ever smaller ranks, one for each rank of the clustered mode, whose steps are large;
@@ -325,8 +336,8 @@ std::unique_ptr<NestedModels> nested_clusters(NestedClusters clusters) {
 }
 
 double clustered_numbers(const KctaRequest& request) {
-  return ClusteredSizes{request.groups.sizes(), request.mode, request.clusters, request.mixtures,
-                        request.global_mode}
+  return ClusteredSizes{request.groups.sizes(), request.mode,        request.clusters,
+                        request.mixtures,       request.global_mode, request.grid_side}
       .numbers(request.ranks);
 }
 

@@ -68,10 +68,13 @@ void DeviceHemisphere::weigh(Device& device, std::size_t count, const Buffer& di
 }
 
 void write_lookups(Device& device, std::size_t count, const Buffer& list, const ShadeTables& tables,
-                   Buffer& lookups) {
-  const cl_kernel kernel = shade_kernel(device, "write_lookups");
+                   bool of_grid, Buffer& lookups) {
+  const cl_kernel kernel = device.kernel(
+      kernel_sources::shade_points,
+      fmt::format("-DENTRIES={} -DGRID={}", block(device), of_grid ? 1 : 0), "write_lookups");
+  // without a grid there is no such table, and it is not looked at
   set_arguments(kernel, ulong(count), list, tables.point_of, tables.taps, tables.views,
-                tables.lights, lookups);
+                of_grid ? tables.grid_views : tables.point_of, tables.lights, lookups);
   launch_entries(device, kernel, count);
 }
 

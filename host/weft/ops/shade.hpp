@@ -36,6 +36,7 @@ struct ShadeTables {
   Buffer share;       // [points][2] floats
   Buffer masks;       // [points][2] floats, 1 where there is no mask
   Buffer views;       // [points][8] words
+  Buffer grid_views;  // [points] uint, where a level has a grid of views
   Buffer first;       // [points + 1] uint
   Buffer point_of;    // [samples] uint
   Buffer lights;      // [samples][8] words
@@ -43,9 +44,10 @@ struct ShadeTables {
   Buffer light;       // [samples][2][4] floats
 };
 
-// Records of LookupShape{4, 3, 3} for `count` entries of `list`, and of {4, 3, 1} of the mask.
+// Records of LookupShape{4, 3, 3} for `count` entries of `list`, or of {4, 1, 3} in the views of a
+// grid; and of {4, 3, 1} of the mask.
 void write_lookups(Device& device, std::size_t count, const Buffer& list, const ShadeTables& tables,
-                   Buffer& lookups);
+                   bool of_grid, Buffer& lookups);
 void write_mask_lookups(Device& device, std::size_t count, const Buffer& list,
                         const ShadeTables& tables, Buffer& lookups);
 // Takes the values that were looked up, of the mask, or of a material that `info` describes.

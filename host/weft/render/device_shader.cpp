@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "weft/btf/mip.hpp"
+#include "weft/btf/view_grid.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/error.hpp"
 #include "weft/ops/shade.hpp"
@@ -33,7 +34,9 @@ constexpr std::size_t streaming_batch = std::size_t{1} << 24;
 struct DeviceMaterial {
   BtfInfo info;  // without its mask
   Samplers levels;
-  Samplers mask_levels;  // empty without a mask
+  std::size_t grid_side = 0;    // of the models' grid of views, or 0
+  std::size_t grid_levels = 0;  // that look up in it: those of models
+  Samplers mask_levels;         // empty without a mask
   std::shared_ptr<const Model> model;
   std::size_t batch = resident_batch;
   std::size_t bytes = 0;
@@ -79,13 +82,13 @@ class DeviceShader final : public Shader {
   struct HostTables {
     std::vector<Float4> views, lights, irradiance;
     std::vector<float> share, masks;
-    std::vector<std::uint32_t> first, point_of;
+    std::vector<std::uint32_t> first, point_of, grid_views;
     std::vector<TexelTaps> taps;
 
     void clear() {
       for (auto* list : {&views, &lights, &irradiance}) list->clear();
       for (auto* list : {&share, &masks}) list->clear();
-      for (auto* list : {&first, &point_of}) list->clear();
+      for (auto* list : {&first, &point_of, &grid_views}) list->clear();
       taps.clear();
     }
   };
@@ -127,6 +130,11 @@ class DeviceShader final : public Shader {
     for (std::size_t i = 0; i < points.size(); ++i) {
       const ShadingPoint& point = points[i];
       host.views.push_back({point.view[0], point.view[1], point.view[2], 0});
+      if (material_.grid_side > 0) {
+        const std::array<double, 3> view{point.view[0], point.view[1], point.view[2]};
+        host.grid_views.push_back(
+            static_cast<std::uint32_t>(shape.views + ViewGrid(material_.grid_side).entry(view)));
+      }
       const auto first_sample = static_cast<std::uint32_t>(host.point_of.size());
       host.first.push_back(first_sample);
       for (const LightSample& light : lights.subspan(i * samples, samples)) {
@@ -163,6 +171,9 @@ class DeviceShader final : public Shader {
     write(tables_.point_of, std::span<const std::uint32_t>(host.point_of),
           "points of light samples");
     write(tables_.irradiance, std::span<const Float4>(host.irradiance), "irradiance");
+    if (material_.grid_side > 0) {
+      write(tables_.grid_views, std::span<const std::uint32_t>(host.grid_views), "views of a grid");
+    }
     reserve(device_, tables_.light, host.point_of.size() * 2 * sizeof(PointRadiance),
             "reflected light");
     weigh(views_, host.views, view_directions_, tables_.views);
@@ -200,7 +211,8 @@ class DeviceShader final : public Shader {
 
   void light_level(std::size_t level, const std::vector<std::uint32_t>& entries, Job& job) {
     if (entries.empty()) return;
-    constexpr LookupShape lookup{4, 3, 3};
+    const bool of_grid = level < material_.grid_levels;
+    const LookupShape lookup{4, of_grid ? std::size_t{1} : 3, 3};
     const std::size_t count = entries.size();
     {
       const StageTimer timer(job, "shading");
@@ -208,7 +220,7 @@ class DeviceShader final : public Shader {
       reserve(device_, lookups_, count * lookup.words() * sizeof(std::uint32_t), "look-ups");
       reserve(device_, values_, count * material_.info.shape.channels * sizeof(float),
               "values looked up");
-      ops::write_lookups(device_, count, list_, tables_, lookups_);
+      ops::write_lookups(device_, count, list_, tables_, of_grid, lookups_);
       device_.finish();
     }
     {
@@ -266,6 +278,8 @@ class MaterialMaker {
     }
     plan_.add("model on the device", bytes);
     for (const auto& one : models) pending_.push_back(one);
+    material_.grid_side = material_.model->view_grid();
+    material_.grid_levels = material_.grid_side > 0 ? pending_.size() : 0;
   }
 
   std::unique_ptr<Shader> finish(const std::shared_ptr<ImageStream>& images) {

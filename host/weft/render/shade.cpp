@@ -71,6 +71,7 @@ std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model>
   const BtfInfo info = model->info.btf;
   const Codec& codec = find_codec(model->info.codec);
   const std::size_t levels = mip_levels(info.shape);
+  const std::size_t grid_side = model->view_grid();
   Samplers samplers;
   samplers.push_back(sampler_of(model));
   while (samplers.size() < levels) {
@@ -79,11 +80,13 @@ std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model>
     model = std::move(next);
     samplers.push_back(sampler_of(model));
   }
+  reference::LevelsOfGrid grid;
+  if (grid_side > 0) grid = {grid_side, samplers.size()};
   if (samplers.size() < levels) {
     // the codec has no levels of its own: those of its images
     add_levels(next_mip_level(decoded_source(nullptr, std::move(model))), levels, samplers);
   }
-  return reference::make_shader(info, std::move(samplers), mask_samplers(info));
+  return reference::make_shader(info, std::move(samplers), mask_samplers(info), grid);
 }
 
 }  // namespace weft

@@ -87,8 +87,10 @@ void require_above_horizon(std::span<const Direction> directions, std::string_vi
   }
 }
 
-RadialBasis::RadialBasis(std::span<const Direction> measured, std::string_view what)
-    : count_(measured.size()),
+RadialBasis::RadialBasis(std::span<const Direction> measured, std::string_view what,
+                         RadialFunction function)
+    : function_(function),
+      count_(measured.size()),
       members_(groups_of(checked(measured, what))),
       hull_(first_of(measured, members_)) {
   for (const auto& group : members_) distinct_.push_back(unit(measured[group.front()]));
@@ -128,10 +130,16 @@ void RadialBasis::solve() {
   inverse_ = reference::inverse(size, system);
 }
 
+double RadialBasis::value(const Vector& a, const Vector& b) const {
+  const double r = distance(a, b);
+  if (function_ == RadialFunction::biharmonic) return r;
+  return r > 0 ? r * r * std::log(r) : 0;
+}
+
 std::vector<double> RadialBasis::right_side(const Vector& direction) const {
   std::vector<double> side;
   side.reserve(distinct_.size() + 4);
-  for (const Vector& d : distinct_) side.push_back(distance(direction, d));
+  for (const Vector& d : distinct_) side.push_back(value(direction, d));
   side.push_back(1);
   const Vector offset{direction[0] - mean_[0], direction[1] - mean_[1], direction[2] - mean_[2]};
   for (const Vector& axis : axes_) side.push_back(dot(axis, offset));
@@ -166,7 +174,11 @@ double RadialBasis::weigh(const Vector& direction, std::span<double> weights) co
     }
   }
   const double length = std::hypot(inside[0], inside[1], inside[2]);
-  for (double& x : inside) x /= length;
+  if (length > same_direction) {
+    for (double& x : inside) x /= length;
+  } else {
+    inside = above;  // between two opposite directions there is no nearest one
+  }
   if (is_measured(inside)) return place.scale;
   // Weigh.
   const std::vector<double> side = right_side(inside);

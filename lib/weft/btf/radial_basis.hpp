@@ -34,6 +34,10 @@
 
 namespace weft {
 
+// phi(r): the biharmonic spline's r, as above, which has a cone's tip at every measured direction;
+// or the thin-plate spline's r^2 log r, which has none, for surfaces that are looked at.
+enum class RadialFunction { biharmonic, thin_plate };
+
 class RadialBasis {
  public:
   using Vector = std::array<double, 3>;
@@ -43,7 +47,8 @@ class RadialBasis {
 
   // From 1 to most_directions directions. Throws an input error that names `what` ("view", "light")
   // and the first direction that is not finite or below the horizon.
-  RadialBasis(std::span<const Direction> measured, std::string_view what);
+  RadialBasis(std::span<const Direction> measured, std::string_view what,
+              RadialFunction function = RadialFunction::biharmonic);
 
   std::size_t size() const { return count_; }
 
@@ -54,9 +59,11 @@ class RadialBasis {
 
  private:
   void solve();
-  // [|d - d_i|; p(d)]
+  double value(const Vector& a, const Vector& b) const;  // phi(|a - b|)
+  // [phi(|d - d_i|); p(d)]
   std::vector<double> right_side(const Vector& direction) const;
 
+  RadialFunction function_;
   std::size_t count_;
   std::vector<std::vector<std::size_t>> members_;  // of each distinct direction
   std::vector<Vector> distinct_;

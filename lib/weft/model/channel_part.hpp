@@ -24,6 +24,7 @@ class ChannelPart final : public Model {
   // None: it decodes what the whole holds.
   std::vector<std::span<float>> real_values() override { return {}; }
   void divide(const Weights&) override {}
+  std::size_t view_grid() const override { return whole_->view_grid(); }
   // The transform is inverted here: info.colour_transform is none.
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;

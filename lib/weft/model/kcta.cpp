@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <utility>
 
+#include "weft/btf/view_grid.hpp"
 #include "weft/error.hpp"
 #include "weft/model/coded_tensor.hpp"
 #include "weft/model/divide.hpp"
@@ -19,11 +21,25 @@ constexpr std::size_t mixing_axis = 2;  // of [I_m][K][R_m]
 constexpr std::size_t global_axis = 1;  // of U_n [I_n][R_n]
 constexpr std::size_t local_axis = 2;   // of U_n,c [C][I_n][R_n]
 
+constexpr const char* grid_clusters_name = "grid.clusters";
+constexpr const char* grid_mixing_name = "grid.mixing";
+
 std::string global_name(const ModeGroup& group) {
   return "global." + group.name;
 }
 std::string local_name(const ModeGroup& group) {
   return "factor." + group.name;
+}
+
+// Clusters [..][mixtures] of slices ascend.
+void check_ascending(const ModelFile& file, std::string_view tensor, std::size_t mixtures,
+                     std::span<const std::uint32_t> numbers) {
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (i % mixtures > 0 && numbers[i] <= numbers[i - 1]) {
+      file.reject("tensor \"" + std::string(tensor) + "\": those of slice " +
+                  std::to_string(i / mixtures) + " do not ascend");
+    }
+  }
 }
 
 }  // namespace
@@ -65,8 +81,20 @@ std::span<const float> KctaModel::factor(std::size_t n, std::size_t cluster) con
   return std::span(local[n]).subspan(cluster * values, values);
 }
 
+std::size_t KctaModel::member(std::size_t slice, std::size_t k) const {
+  return slice < slices() ? members[slice * mixtures + k]
+                          : grid_members[(slice - slices()) * mixtures + k];
+}
+
 std::span<const float> KctaModel::mixing_row(std::size_t slice, std::size_t k) const {
-  return std::span(mixing).subspan((slice * mixtures + k) * ranks[mode], ranks[mode]);
+  const std::vector<float>& rows = slice < slices() ? mixing : grid_mixing;
+  const std::size_t row = slice < slices() ? slice : slice - slices();
+  return std::span(rows).subspan((row * mixtures + k) * ranks[mode], ranks[mode]);
+}
+
+bool KctaModel::clusters_views() const {
+  const ModeGroup& group = groups.groups()[mode];
+  return group.modes.size() == 1 && group.has(Mode::view);
 }
 
 std::vector<ModelTensor> KctaModel::tensors() const {
@@ -93,6 +121,16 @@ std::vector<ModelTensor> KctaModel::tensors() const {
                       local_axis});
     }
   }
+  if (grid_side > 0) {
+    const std::size_t views = grid_side * grid_side;
+    list.push_back(
+        {grid_clusters_name, {views, mixtures}, grid_members.dtype(), grid_members.bytes()});
+    list.push_back({grid_mixing_name,
+                    {views, mixtures, ranks[mode]},
+                    DType::f32,
+                    std::as_bytes(std::span(grid_mixing)),
+                    mixing_axis});
+  }
   return list;
 }
 
@@ -107,11 +145,13 @@ std::vector<std::span<float>> KctaModel::real_values() {
     if (!global[n].empty()) list.emplace_back(global[n]);
     if (!local[n].empty()) list.emplace_back(local[n]);
   }
+  if (grid_side > 0) list.emplace_back(grid_mixing);
   return list;
 }
 
 // A mode's factors divide the rows of its U, those of the mixing matrix for the clustered mode, or
-// the slices of the cores where it has none.
+// the slices of the cores where it has none. Views of a grid are what is interpolated of the fitted
+// views over what is interpolated of their factors, which stays between the measured ones.
 void KctaModel::divide(const Weights& scale) {
   const auto divisors = group_divisors(groups, info.btf.shape, scale, info.codec);
   for (std::size_t n = 0; n < groups.count(); ++n) {
@@ -120,6 +160,16 @@ void KctaModel::divide(const Weights& scale) {
     if (n == mode) {
       const std::size_t row = mixtures * ranks[mode];
       for (std::size_t i = 0; i < mixing.size(); ++i) divide_by(mixing[i], s[i / row]);
+      if (grid_side == 0) continue;
+      const auto [least, most] = std::minmax_element(s.begin(), s.end());
+      const ViewResampling views(info.btf.view_directions, grid_side);
+      for (std::size_t e = 0; e < views.size(); ++e) {
+        const std::vector<double> w = views.weights(e);
+        const double between = std::inner_product(w.begin(), w.end(), s.begin(), 0.0);
+        for (float& u : std::span(grid_mixing).subspan(e * row, row)) {
+          divide_by(u, std::clamp(between, *least, *most));
+        }
+      }
     } else if (has_factor(n)) {
       for (std::vector<float>* U : {&global[n], &local[n]}) {
         for (std::size_t i = 0; i < U->size(); ++i) {
@@ -154,7 +204,7 @@ std::vector<double> KctaModel::mixed(const std::array<std::size_t, mode_count>& 
   const std::size_t row = core_row();
   std::vector<double> values;
   for (std::size_t k = 0; k < mixtures; ++k) {
-    const std::size_t c = members[indices[mode] * mixtures + k];
+    const std::size_t c = member(indices[mode], k);
     // Z_c x_m (U_m,c)_i*, and then the other modes, the last first
     std::vector<double> T(row, 0.0);
     const std::span<const float> u = mixing_row(indices[mode], k);
@@ -260,8 +310,12 @@ std::unique_ptr<KctaModel> KctaModel::select(const Selection& selection) const {
   constexpr std::uint32_t unused = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> number(clusters, unused);
   for (const std::size_t i : kept[mode]) {
-    for (std::size_t k = 0; k < mixtures; ++k) number[members[i * mixtures + k]] = 0;
+    for (std::size_t k = 0; k < mixtures; ++k) number[member(i, k)] = 0;
   }
+  // a grid is of all views, in their order: of some it would show what the others have
+  bool keeps_grid = grid_side > 0 && kept[mode].size() == slices();
+  for (std::size_t i = 0; i < kept[mode].size(); ++i) keeps_grid = keeps_grid && kept[mode][i] == i;
+  for (std::size_t i = 0; keeps_grid && i < grid_members.size(); ++i) number[grid_members[i]] = 0;
   std::vector<std::size_t> used;
   for (std::size_t c = 0; c < clusters; ++c) {
     if (number[c] == unused) continue;
@@ -272,10 +326,19 @@ std::unique_ptr<KctaModel> KctaModel::select(const Selection& selection) const {
   std::vector<std::uint32_t> numbers;
   for (const std::size_t i : kept[mode]) {
     for (std::size_t k = 0; k < mixtures; ++k) {
-      numbers.push_back(number[members[i * mixtures + k]]);
+      numbers.push_back(number[member(i, k)]);
     }
   }
   model->members = IndexTensor(numbers, used.size());
+  if (keeps_grid) {
+    model->grid_side = grid_side;
+    model->grid_mixing = grid_mixing;
+    numbers.clear();
+    for (std::size_t i = 0; i < grid_members.size(); ++i) {
+      numbers.push_back(number[grid_members[i]]);
+    }
+    model->grid_members = IndexTensor(numbers, used.size());
+  }
   model->mixing = take_rows(mixing, 1, slices(), mixtures * ranks[mode], kept[mode]);
 
   model->cores = take_rows(cores, 1, clusters, ranks[mode] * core_row(), used);
@@ -339,12 +402,7 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
   model->mixtures = listed[1];
   const std::vector<std::uint32_t> numbers =
       file.index_tensor("clusters", {model->slices(), model->mixtures}, model->clusters);
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (i % model->mixtures > 0 && numbers[i] <= numbers[i - 1]) {
-      file.reject("tensor \"clusters\": those of slice " + std::to_string(i / model->mixtures) +
-                  " do not ascend");
-    }
-  }
+  check_ascending(file, "clusters", model->mixtures, numbers);
   model->members = IndexTensor(numbers, model->clusters);
 
   model->ranks[mode] = found[1];
@@ -373,7 +431,29 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
   }
   model->mixing = file.real_tensor("mixing", model->mixing_shape(), mixing_axis);
   model->cores = file.real_tensor("cores", found, cores_axis);
+  if (file.file().find(grid_clusters_name) != nullptr) model->read_grid(file);
   return model;
+}
+
+void KctaModel::read_grid(const ModelFile& file) {
+  const std::string tensor = std::string("tensor \"") + grid_clusters_name + "\": ";
+  if (!clusters_views()) {
+    file.reject(tensor + "a grid of views, but clusters are of mode " + groups.groups()[mode].name);
+  }
+  const std::vector<std::size_t> found = tensor_shape(file, grid_clusters_name);
+  const std::size_t views = found.empty() ? 0 : found[0];
+  std::size_t side = 1;
+  while (side * side < views && side < most_grid_side) ++side;
+  if (side * side != views) {
+    file.reject(tensor + "shape " + shape_text(found) + " is not N N views, N from 1 to " +
+                std::to_string(most_grid_side));
+  }
+  grid_side = side;
+  const std::vector<std::uint32_t> numbers =
+      file.index_tensor(grid_clusters_name, {views, mixtures}, clusters);
+  check_ascending(file, grid_clusters_name, mixtures, numbers);
+  grid_members = IndexTensor(numbers, clusters);
+  grid_mixing = file.real_tensor(grid_mixing_name, {views, mixtures, ranks[mode]}, mixing_axis);
 }
 
 }  // namespace weft

@@ -5,7 +5,8 @@
 //
 // of the modes v, l, y, x, c or groups of them (see mode_groups.hpp). With K = 1 it is CTA. A mode
 // n != m has one factor for all clusters (eq. (23)), one for each, or none: it is then an identity,
-// and the cores are as long in it as the tensor.
+// and the cores are as long in it as the tensor. Clusters of views may be resampled: the views of a
+// dense grid then have clusters and rows of the U_m,c too, beside those of the measured views.
 #pragma once
 
 #include <array>
@@ -33,12 +34,16 @@ struct KctaModel final : Model {
   IndexTensor members;                     // clusters of each slice, ascending: [I_m][K]
   std::vector<float> mixing;               // rows of U_m,c for them: [I_m][K][R_m]
   std::vector<float> cores;                // Z_c: [C][R_m][R_n of the others ...]
+  std::size_t grid_side = 0;               // N of a grid of N x N views, or 0
+  IndexTensor grid_members;                // clusters of its views, ascending: [N N][K]
+  std::vector<float> grid_mixing;          // and rows of U_m,c for them: [N N][K][R_m]
   std::vector<std::vector<float>> global;  // U_n [I_n][R_n] of all clusters, or empty
   std::vector<std::vector<float>> local;   // U_n,c [C][I_n][R_n], or empty
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
   void divide(const Weights& scale) override;
+  std::size_t view_grid() const override { return grid_side; }
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
 
@@ -46,13 +51,19 @@ struct KctaModel final : Model {
   void set_groups(ModeGroups modes, std::size_t clustered);
 
   std::size_t slices() const { return groups.groups()[mode].size; }
+  // Those of a grid of views come behind the measured ones, wherever a slice is asked for by
+  // number.
+  std::size_t all_slices() const { return slices() + grid_side * grid_side; }
+  // Whether views alone are clustered, so that there can be a grid of them.
+  bool clusters_views() const;
   bool has_factor(std::size_t n) const { return !global[n].empty() || !local[n].empty(); }
   // R_n of the modes n != m, in order; and their product.
   std::vector<std::size_t> other_ranks() const;
   std::size_t core_row() const;
   // U_n or U_n,c, [I_n][R_n]; empty for an identity.
   std::span<const float> factor(std::size_t n, std::size_t cluster) const;
-  // Row of U_m,c for the k-th cluster of a slice.
+  // The k-th cluster of a slice, and the row of U_m,c for it.
+  std::size_t member(std::size_t slice, std::size_t k) const;
   std::span<const float> mixing_row(std::size_t slice, std::size_t k) const;
 
   // A cluster as a Tucker model of the whole tensor; rows of its mode m are 0 for slices that are
@@ -74,6 +85,7 @@ struct KctaModel final : Model {
   bool channels_alone() const;
   std::vector<std::size_t> cores_shape() const;
   std::vector<std::size_t> mixing_shape() const;
+  void read_grid(const ModelFile& file);
   // One texel at v, l, y, x, c: a number for each index of a channel mode that stands alone, else
   // one.
   std::vector<double> mixed(const std::array<std::size_t, mode_count>& at) const;

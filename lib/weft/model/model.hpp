@@ -88,6 +88,10 @@ class Model {
   // Adds a mean ABRDF [V, L, C] to what is decoded, where the codec has one.
   virtual void add_mean(std::span<const float> mean) { (void)mean; }
 
+  // The side N of a grid of N x N views beside the measured ones, see weft/btf/view_grid.hpp, or 0:
+  // look-ups may ask for view V + e, the value at its entry e.
+  virtual std::size_t view_grid() const { return 0; }
+
   // The C values of one texel for one view and light, in double. In the stored encoding, scaled as
   // the raw data (8-bit data: [0, 1]), not clamped. Indices are within info.btf.shape.
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,

@@ -7,41 +7,14 @@
 
 #include "weft/error.hpp"
 #include "weft/reference/factorise.hpp"
+#include "weft/reference/kcta_mixing.hpp"
 #include "weft/reference/mode_product.hpp"
 #include "weft/reference/tile.hpp"
 #include "weft/reference/tucker.hpp"
 #include "weft/tensor/permute.hpp"
 #include "weft/tensor/sizes.hpp"
 
-namespace weft {
-
-void set_mixing(KctaModel& model, std::size_t mixtures, std::size_t given,
-                std::span<const std::uint32_t> members, std::span<const float> coefficients) {
-  const std::size_t rank = model.ranks[model.mode];
-  std::vector<std::uint32_t> numbers;
-  model.mixtures = mixtures;
-  model.mixing.clear();
-  for (std::size_t i = 0; i < model.slices(); ++i) {
-    const auto own = members.subspan(i * given, given);
-    std::vector<std::uint32_t> all(own.begin(), own.end());
-    for (std::uint32_t c = 0; all.size() < mixtures; ++c) {
-      if (std::find(own.begin(), own.end(), c) == own.end()) all.push_back(c);
-    }
-    std::sort(all.begin(), all.end());
-    for (const std::uint32_t c : all) {
-      numbers.push_back(c);
-      const auto found = std::find(own.begin(), own.end(), c);
-      for (std::size_t r = 0; r < rank; ++r) {
-        const auto k = static_cast<std::size_t>(found - own.begin());
-        model.mixing.push_back(found == own.end() ? 0.0f
-                                                  : coefficients[(i * given + k) * rank + r]);
-      }
-    }
-  }
-  model.members = IndexTensor(numbers, model.clusters);
-}
-
-namespace reference {
+namespace weft::reference {
 namespace {
 
 using Sizes = std::vector<std::size_t>;
@@ -49,23 +22,6 @@ using Values = std::vector<double>;
 
 double squares_of(std::span<const double> values) {
   return std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
-}
-
-std::span<const double> row_of(std::span<const double> matrix, std::size_t row,
-                               std::size_t columns) {
-  return matrix.subspan(row * columns, columns);
-}
-
-// A B^T of row-major matrices [a][length] and [b][length].
-Values products(std::size_t length, std::span<const double> A, std::span<const double> B) {
-  const Sizes sizes{A.size() / length, length};
-  return mode_product(sizes, 1, A, B.size() / length, B);
-}
-
-// A B of row-major matrices [a][n] and [n][b].
-Values product_of(std::size_t n, std::span<const double> A, std::span<const double> B) {
-  const Sizes sizes{n, B.size() / n};
-  return mode_product(sizes, 0, B, A.size() / n, A);
 }
 
 // The leading `rank` columns of eigenvectors, [n][rank].
@@ -76,37 +32,6 @@ Values leading(std::size_t n, std::span<const double> gram, std::size_t rank) {
     for (std::size_t j = 0; j < rank; ++j) U[i * rank + j] = eigen.vectors[i * n + j];
   }
   return U;
-}
-
-// Powers of the positive eigenvalues of a Gram matrix, 0 for those that count as 0: its
-// Moore-Penrose inverse with -1, and the root of that with -1/2.
-Values power(std::size_t n, std::span<const double> gram, double exponent) {
-  const SymmetricEigen eigen = symmetric_eigen(n, gram);
-  const double least = mixing_cutoff * std::max(0.0, eigen.values[0]);
-  Values result(n * n, 0.0);
-  for (std::size_t k = 0; k < n; ++k) {
-    if (!(eigen.values[k] > least)) continue;
-    const double scaled = std::pow(eigen.values[k], exponent);
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t j = 0; j < n; ++j) {
-        result[i * n + j] += scaled * eigen.vectors[i * n + k] * eigen.vectors[j * n + k];
-      }
-    }
-  }
-  return result;
-}
-
-// T, with the clustered mode first, projected onto a cluster's bases but for one mode: (10).
-Values projected(Sizes& sizes, std::span<const double> T, std::span<const Values> U,
-                 std::size_t but = 0) {
-  Values values(T.begin(), T.end());
-  for (std::size_t n = 1; n < sizes.size(); ++n) {
-    if (n == but || U[n - 1].empty()) continue;
-    const std::size_t rank = U[n - 1].size() / sizes[n];
-    values = mode_product(sizes, n, values, rank, transposed(sizes[n], rank, U[n - 1]));
-    sizes[n] = rank;
-  }
-  return values;
 }
 
 // The N-mode SVD of the slices of a cluster (section 4.3), from the mixing matrix and bases that it
@@ -257,7 +182,9 @@ class Encoder {
     row_ = D_.size() / sizes_[0];
   }
 
-  std::span<const double> slice(std::size_t i) const { return row_of(D_, i, row_); }
+  std::span<const double> slice(std::size_t i) const {
+    return std::span<const double>(D_).subspan(i * row_, row_);
+  }
 
   void start() {
     const std::size_t slices = sizes_[0];
@@ -311,7 +238,7 @@ class Encoder {
       B.insert(B.end(), rows.begin(), rows.end());
     }
     const std::size_t count = B.size() / row_;
-    const Values u = solve_mixing(count, products(row_, B, B), products(row_, slice(i), B));
+    const Values u = solve_mixing(count, row_products(row_, B, B), row_products(row_, slice(i), B));
     double* to = state_.mixing.coefficients.data() + i * state_.mixtures * R;
     std::size_t from = 0;
     for (const std::uint32_t c : members) {
@@ -346,7 +273,7 @@ class Encoder {
         for (std::size_t k = 0; k < K; ++k) {
           const std::uint32_t j = mixing.members[i * K + k];
           if (j == c || rows[j].empty()) continue;
-          const Values made = product_of(R, coefficients(i, k), rows[j]);
+          const Values made = matrix_product(R, coefficients(i, k), rows[j]);
           for (std::size_t p = 0; p < row_; ++p) left[p] -= made[p];
         }
         residual.insert(residual.end(), left.begin(), left.end());
@@ -378,7 +305,7 @@ class Encoder {
         std::copy_n(svd.U_m.begin() + static_cast<std::ptrdiff_t>(s * svd.rank), svd.rank,
                     u.begin());
         if (k + 1 < K) continue;  // a later cluster of the slice is still to come
-        const Values made = product_of(R, u, rows[c]);
+        const Values made = matrix_product(R, u, rows[c]);
         mixing.errors[i] = 0;
         for (std::size_t p = 0; p < row_; ++p) {
           const double difference = residual[s * row_ + p] - made[p];
@@ -408,6 +335,11 @@ class Encoder {
     set_mixing(
         model, request_.mixtures, state_.mixtures, state_.mixing.members,
         std::vector<float>(state_.mixing.coefficients.begin(), state_.mixing.coefficients.end()));
+    if (request_.grid_side > 0) {
+      const ViewResampling views(info_.view_directions, request_.grid_side);
+      set_grid(model, request_.grid_side,
+               mix_between(views, sizes_, D_, state_.clusters, request_.mixtures));
+    }
   }
 
   const KctaRequest& request_;
@@ -423,118 +355,6 @@ class Encoder {
 };
 
 }  // namespace
-
-Values KctaCluster::rows() const {
-  Sizes left = sizes;
-  Values T = Z;
-  for (std::size_t n = 1; n < sizes.size(); ++n) {
-    if (U[n - 1].empty()) continue;
-    const std::size_t size = U[n - 1].size() / sizes[n];
-    T = mode_product(left, n, T, size, U[n - 1]);
-    left[n] = size;
-  }
-  return T;
-}
-
-Values solve_mixing(std::size_t n, std::span<const double> gram, std::span<const double> products) {
-  if (n == 0) return {};
-  return product_of(n, products, power(n, gram, -1.0));
-}
-
-KctaMixing mix_slices(std::span<const std::size_t> sizes, std::span<const double> A,
-                      std::span<const KctaCluster> clusters, std::size_t mixtures) {
-  const std::size_t slices = sizes[0];
-  const std::size_t C = clusters.size();
-  const std::size_t R = clusters[0].sizes[0];
-  const std::size_t core_row = clusters[0].Z.size() / R;
-  const std::size_t row = A.size() / slices;
-
-  // What does not change in the stage: the dual bases (7), the slices' projections onto them and
-  // onto the cores, and the same of all clusters' cores (14), (19).
-  std::vector<Values> V(C), first(C), a(C);
-  std::vector<Values> dual(C * C), f(C * C);  // of Z_j^(c), at c C + j
-  for (std::size_t c = 0; c < C; ++c) {
-    const KctaCluster& cluster = clusters[c];
-    V[c] = product_of(R, power(R, products(core_row, cluster.Z, cluster.Z), -0.5), cluster.Z);
-    Sizes left(sizes.begin(), sizes.end());
-    const Values onto = projected(left, A, cluster.U);
-    first[c] = products(core_row, onto, V[c]);
-    a[c] = products(core_row, onto, cluster.Z);
-    for (std::size_t j = 0; j < C; ++j) {
-      Sizes core = clusters[j].sizes;
-      Values Z = clusters[j].Z;
-      for (std::size_t n = 1; n < core.size(); ++n) {
-        if (cluster.U[n - 1].empty()) continue;
-        const Sizes factor{sizes[n], core[n]};
-        const Values across =
-            mode_product(factor, 0, clusters[j].U[n - 1], core[n],
-                         transposed(sizes[n], core[n], cluster.U[n - 1]));  // U_n,c^T U_n,j
-        Z = mode_product(core, n, Z, core[n], across);
-      }
-      dual[c * C + j] = products(core_row, Z, V[c]);
-      f[c * C + j] = products(core_row, Z, cluster.Z);
-    }
-  }
-
-  KctaMixing mixing;
-  mixing.members.resize(slices * mixtures);
-  mixing.coefficients.resize(slices * mixtures * R);
-  mixing.errors.resize(slices);
-  for (std::size_t i = 0; i < slices; ++i) {
-    std::vector<std::size_t> chosen;
-    Values u;      // coefficients for them, [k][R]
-    Values right;  // a_mi, eq. (18)
-    for (std::size_t k = 0; k < mixtures; ++k) {
-      // greedy search: (9), (13)
-      std::size_t best = C;
-      double largest = 0;
-      for (std::size_t c = 0; c < C; ++c) {
-        if (std::find(chosen.begin(), chosen.end(), c) != chosen.end()) continue;
-        Values left(row_of(first[c], i, R).begin(), row_of(first[c], i, R).end());
-        for (std::size_t j = 0; j < chosen.size(); ++j) {
-          const Values made = product_of(R, row_of(u, j, R), dual[c * C + chosen[j]]);
-          for (std::size_t r = 0; r < R; ++r) left[r] -= made[r];
-        }
-        const double found = squares_of(left);
-        if (best == C || found > largest) {
-          best = c;
-          largest = found;
-        }
-      }
-      chosen.push_back(best);
-      // optimal projection: (15)-(19); block (p, q) of (17) is f_q(Z_p^(q))
-      const auto of = row_of(a[best], i, R);
-      right.insert(right.end(), of.begin(), of.end());
-      const std::size_t n = chosen.size() * R;
-      Values gram(n * n);
-      for (std::size_t p = 0; p < chosen.size(); ++p) {
-        for (std::size_t q = 0; q < chosen.size(); ++q) {
-          const Values& block = f[chosen[q] * C + chosen[p]];
-          for (std::size_t r = 0; r < R; ++r) {
-            std::copy_n(block.begin() + static_cast<std::ptrdiff_t>(r * R), R,
-                        gram.begin() + static_cast<std::ptrdiff_t>((p * R + r) * n + q * R));
-          }
-        }
-      }
-      u = solve_mixing(n, gram, right);
-    }
-    const double squares = squares_of(A.subspan(i * row, row));
-    mixing.errors[i] =
-        std::max(0.0, squares - std::inner_product(u.begin(), u.end(), right.begin(), 0.0));
-    // in ascending order
-    std::vector<std::size_t> order(mixtures);
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t p, std::size_t q) { return chosen[p] < chosen[q]; });
-    for (std::size_t k = 0; k < mixtures; ++k) {
-      mixing.members[i * mixtures + k] = static_cast<std::uint32_t>(chosen[order[k]]);
-      std::copy_n(
-          u.begin() + static_cast<std::ptrdiff_t>(order[k] * R), R,
-          mixing.coefficients.begin() + static_cast<std::ptrdiff_t>((i * mixtures + k) * R));
-    }
-  }
-  return mixing;
-}
 
 std::vector<std::vector<double>> mode_spectra(TileSource& source, const ModeGroups& groups,
                                               std::span<const std::size_t> modes, Job& job) {
@@ -587,5 +407,18 @@ void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,
   }
 }
 
-}  // namespace reference
+}  // namespace weft::reference
+
+namespace weft {
+
+std::size_t grid_bytes(const KctaRequest& request) {
+  const std::size_t views = request.groups.groups()[request.mode].size;
+  const std::size_t row =
+      request.mixtures *
+      (sizeof(std::uint32_t) + request.ranks[request.mode] * (sizeof(double) + sizeof(float)));
+  // the splines' system, its eigenvectors and inverse
+  return request.grid_side * request.grid_side * row +
+         4 * (views + 4) * (views + 4) * sizeof(double);
+}
+
 }  // namespace weft

@@ -35,6 +35,8 @@ struct KctaRequest {
   KctaStart start = KctaStart::directions;
   std::size_t iterations = 10;
   double least_change = 1e-4;  // of the sum of the cores' norms, relative
+  // Side N of a grid of views that are resampled (view_grid.hpp), or 0; of clusters of views.
+  std::size_t grid_side = 0;
 
   // Whether mode n has a factor of its own beside the clustered one.
   bool cuts(std::size_t n) const { return n != mode && ranks[n] < groups.groups()[n].size; }
@@ -47,10 +49,6 @@ inline constexpr std::size_t longest_kcta_mode = 4096;
 // and of one that has none.
 inline constexpr std::size_t warm_sweeps = 1;
 inline constexpr std::size_t cold_sweeps = 2;
-
-// Eigenvalues of Gram matrices of mixing coefficients up to this part of the largest are taken for
-// 0: cores may be rank-deficient, and clusters nearly the same.
-inline constexpr double mixing_cutoff = 1e-6;
 
 // What a fit says of itself. Squares are of the data as it is.
 struct KctaErrors {
@@ -65,11 +63,8 @@ struct KctaFit {
   KctaErrors errors;
 };
 
-// Puts the mixing coefficients [slices][given][R_m] of `given` clusters for each slice into a model
-// of `mixtures`, at least as many: the others are the first that a slice has not, with coefficients
-// 0.
-void set_mixing(KctaModel& model, std::size_t mixtures, std::size_t given,
-                std::span<const std::uint32_t> members, std::span<const float> coefficients);
+// Bytes that making a grid of views takes, and the grid.
+std::size_t grid_bytes(const KctaRequest& request);
 
 namespace reference {
 
@@ -82,36 +77,6 @@ KctaFit encode_kcta(TileSource& source, const KctaRequest& request, Job& job);
 // Images [first, first + count), [count][Y][X][C].
 void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,
                  std::span<double> out);
-
-// --- the parts of it, for a tensor with the clustered mode first ---
-
-// A cluster's core [R_m][R_n ...] and its bases U_n [I_n][R_n] of the modes n behind the first;
-// empty for an identity.
-struct KctaCluster {
-  std::vector<std::size_t> sizes;  // of the core
-  std::vector<double> Z;
-  std::vector<std::vector<double>> U;  // of mode n at n - 1
-
-  // Z x_n U_n over the modes behind the first: [R_m][I_n ...].
-  std::vector<double> rows() const;
-};
-
-// The clusters of each slice, ascending, and their coefficients, [slices][K][R_m]; and what each
-// slice is then short of, squared.
-struct KctaMixing {
-  std::vector<std::uint32_t> members;
-  std::vector<double> coefficients;
-  std::vector<double> errors;
-};
-
-// The clustering stage of a tensor A of these sizes.
-KctaMixing mix_slices(std::span<const std::size_t> sizes, std::span<const double> A,
-                      std::span<const KctaCluster> clusters, std::size_t mixtures);
-
-// The coefficients (15) of one slice for given clusters, from the Gram matrix (17) and products
-// (18).
-std::vector<double> solve_mixing(std::size_t n, std::span<const double> gram,
-                                 std::span<const double> products);
 
 }  // namespace reference
 }  // namespace weft

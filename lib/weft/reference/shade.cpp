@@ -7,6 +7,7 @@
 #include "weft/btf/encoding.hpp"
 #include "weft/btf/hemisphere.hpp"
 #include "weft/btf/mip.hpp"
+#include "weft/btf/view_grid.hpp"
 #include "weft/error.hpp"
 #include "weft/scene/texture_taps.hpp"
 
@@ -34,12 +35,13 @@ void append_weights(std::vector<std::uint32_t>& words, const std::array<T, N>& w
 class ReferenceShader final : public Shader {
  public:
   ReferenceShader(const BtfInfo& info, std::vector<std::unique_ptr<ReferenceSampler>> levels,
-                  std::vector<std::unique_ptr<ReferenceSampler>> mask_levels)
+                  std::vector<std::unique_ptr<ReferenceSampler>> mask_levels, LevelsOfGrid grid)
       : info_(info),
         levels_(std::move(levels)),
         mask_levels_(std::move(mask_levels)),
         views_(info.view_directions),
-        lights_(info.light_directions) {
+        lights_(info.light_directions),
+        grid_(grid) {
     info_.mask.clear();
   }
 
@@ -98,7 +100,7 @@ class ReferenceShader final : public Shader {
     for (std::size_t level = 0; level < levels_.size(); ++level) {
       if (entries[level].empty()) continue;
       find_masks(level, views, entries[level], job);
-      add_level(level, views, entries[level], used, sums, job);
+      add_level(level, points, views, entries[level], used, sums, job);
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
       for (std::size_t c = 0; c < 4; ++c) radiance[i][c] = static_cast<float>(sums[i][c]);
@@ -134,10 +136,12 @@ class ReferenceShader final : public Shader {
     }
   }
 
-  void add_level(std::size_t level, const std::vector<DirectionWeights>& views,
-                 const std::vector<Entry>& entries, const std::vector<Light>& lights,
-                 std::vector<std::array<double, 4>>& sums, Job& job) {
-    constexpr LookupShape lookup{4, 3, 3};
+  void add_level(std::size_t level, std::span<const ShadingPoint> points,
+                 const std::vector<DirectionWeights>& views, const std::vector<Entry>& entries,
+                 const std::vector<Light>& lights, std::vector<std::array<double, 4>>& sums,
+                 Job& job) {
+    const bool of_grid = level < grid_.levels;
+    const LookupShape lookup{4, of_grid ? std::size_t{1} : 3, 3};
     std::vector<const Entry*> entry_of(views.size(), nullptr);
     for (const Entry& entry : entries) {
       entry_of[entry.point] = &entry;
@@ -150,10 +154,15 @@ class ReferenceShader final : public Shader {
       if (!entry) continue;
       looked_up.push_back(&light);
       append(records, entry->taps.texel);
-      append(records, views[light.point].index);
+      if (of_grid) {
+        const std::size_t view = ViewGrid(grid_.side).entry(to_double(points[light.point].view));
+        records.push_back(static_cast<std::uint32_t>(info_.shape.views + view));
+      } else {
+        append(records, views[light.point].index);
+      }
       append(records, light.weights.index);
       append_weights(records, entry->taps.weight);
-      append_weights(records, views[light.point].weight);
+      if (!of_grid) append_weights(records, views[light.point].weight);
       append_weights(records, light.weights.weight);
     }
     const std::size_t channels = info_.shape.channels;
@@ -188,15 +197,17 @@ class ReferenceShader final : public Shader {
   std::vector<std::unique_ptr<ReferenceSampler>> mask_levels_;
   Hemisphere views_;
   Hemisphere lights_;
+  LevelsOfGrid grid_;
 };
 
 }  // namespace
 
 std::unique_ptr<Shader> make_shader(const BtfInfo& info,
                                     std::vector<std::unique_ptr<ReferenceSampler>> levels,
-                                    std::vector<std::unique_ptr<ReferenceSampler>> mask_levels) {
+                                    std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
+                                    LevelsOfGrid grid) {
   validate_material(info);
-  return std::make_unique<ReferenceShader>(info, std::move(levels), std::move(mask_levels));
+  return std::make_unique<ReferenceShader>(info, std::move(levels), std::move(mask_levels), grid);
 }
 
 }  // namespace weft::reference

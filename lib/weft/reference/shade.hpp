@@ -10,10 +10,15 @@
 namespace weft::reference {
 
 // Of a material described by `info`. `levels` look up its mip levels, mip_levels(info.shape) of
-// them; `mask_levels` those of its mask, and are empty where it has none. Throws the input errors
-// of validate_material().
+// them; `mask_levels` those of its mask, and are empty where it has none. The first `grid.levels`
+// look up in the views of a grid. Throws the input errors of validate_material().
+struct LevelsOfGrid {
+  std::size_t side = 1;
+  std::size_t levels = 0;
+};
 std::unique_ptr<Shader> make_shader(const BtfInfo& info,
                                     std::vector<std::unique_ptr<ReferenceSampler>> levels,
-                                    std::vector<std::unique_ptr<ReferenceSampler>> mask_levels);
+                                    std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
+                                    LevelsOfGrid grid = {});
 
 }  // namespace weft::reference

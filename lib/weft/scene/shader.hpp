@@ -7,10 +7,11 @@
 // T is looked up barycentrically in both directions (Hemisphere), bilinearly in the texels of two
 // mip levels (texture_taps.hpp), in the stored encoding; decoded to linear light; clipped at 0; and
 // taken times cos(theta_l) for a `brdf`, or times DirectionWeights::scale for `radiance`. Levels
-// are mixed in linear light. Where the mask has an edge, m is interpolated like the values, which
-// are 0 in the hole: so the sum is premultiplied by m. In an encoding that is not linear the values
-// are divided by m before they are decoded and multiplied by it after, so that no dark fringe is
-// left.
+// are mixed in linear light. A model with a grid of views (Model::view_grid) is looked up at the
+// grid's nearest entry, in those levels that are the model's own. Where the mask has an edge, m is
+// interpolated like the values, which are 0 in the hole: so the sum is premultiplied by m. In an
+// encoding that is not linear the values are divided by m before they are decoded and multiplied by
+// it after, so that no dark fringe is left.
 #pragma once
 
 #include <array>
