@@ -21,20 +21,24 @@
 #include "weft/btf/selection.hpp"
 #include "weft/error.hpp"
 #include "weft/io/capture.hpp"
+#include "weft/io/direction_file.hpp"
+#include "weft/io/merl.hpp"
 #include "weft/io/npy.hpp"
 #include "weft/io/raw_btf.hpp"
 
 namespace weft {
 namespace {
 
-// What is read before it is written on; a single image may be larger.
+constexpr const char* merl_ending = ".binary";
 // How many of the images that are no part of a capture a report names.
 constexpr std::size_t ignored_named = 3;
 
 struct ImportOptions {
-  std::string input;
+  std::vector<std::string> inputs;
   std::string output;
   std::string kind = "auto";
+  std::string view_set = "ubo81";
+  std::string light_set = "ubo81";
   std::string manifest;
   std::string lights_file;
   std::string layout;
@@ -45,17 +49,50 @@ struct ImportOptions {
   OutputOptions common;
 };
 
-Capture open_input(const ImportOptions& options) {
-  const std::filesystem::path path(options.input);
+// The MERL BRDFs that are meant: the files themselves, or those of a folder by their names.
+std::vector<std::filesystem::path> merl_files(const ImportOptions& options) {
+  std::vector<std::filesystem::path> files;
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) fail_input("{}: does not exist", options.input);
+  for (const std::string& input : options.inputs) {
+    if (!std::filesystem::is_directory(input, ignored)) {
+      files.emplace_back(input);
+      continue;
+    }
+    std::vector<std::filesystem::path> found;
+    for (const auto& entry : std::filesystem::directory_iterator(input)) {
+      if (entry.path().extension() == merl_ending) found.push_back(entry.path());
+    }
+    if (found.empty()) fail_input("{}: no files named *.binary", input);
+    std::sort(found.begin(), found.end());
+    files.insert(files.end(), found.begin(), found.end());
+  }
+  return files;
+}
+
+Capture open_input(const ImportOptions& options) {
+  const std::string& input = options.inputs.front();
+  const std::filesystem::path path(input);
+  std::error_code ignored;
+  for (const std::string& each : options.inputs) {
+    if (!std::filesystem::exists(each, ignored)) fail_input("{}: does not exist", each);
+  }
+  if (options.kind == "merl" || (options.kind == "auto" && path.extension() == merl_ending)) {
+    return {open_merl(merl_files(options),
+                      read_direction_set(options.view_set, DirectionRole::views, "--view-set"),
+                      read_direction_set(options.light_set, DirectionRole::lights, "--light-set")),
+            "merl",
+            {}};
+  }
+  if (options.inputs.size() > 1) {
+    fail_input("{} and {}: several inputs are for MERL BRDFs", input, options.inputs[1]);
+  }
   // One file with all values in it.
   const bool is_npy = path.extension() == ".npy";
   const bool is_raw = path.extension() == ".safetensors";
   const bool is_file = (is_npy || is_raw) && !std::filesystem::is_directory(path, ignored);
   if (options.kind == "npy" || options.kind == "raw" || (options.kind == "auto" && is_file)) {
     if (!options.manifest.empty() || !options.lights_file.empty() || !options.layout.empty()) {
-      fail_input("{}: --manifest, --lights-file and --layout are for images", options.input);
+      fail_input("{}: --manifest, --lights-file and --layout are for images", input);
     }
     if (options.kind == "npy" || (options.kind == "auto" && is_npy)) {
       return {open_npy_btf(path), "npy", {}};
@@ -102,7 +139,9 @@ void run_import(const ImportOptions& options) {
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Report report;
-  report.add("input", options.input).add("kind", capture.kind).add("output", options.output);
+  report.add("input", fmt::format("{}", fmt::join(options.inputs, ", ")))
+      .add("kind", capture.kind)
+      .add("output", options.output);
   add_btf_fields(report, info);
   report.add("selection", selection_cell(selection));
   report.add("raw_size", bytes_cell(info.bytes()));
@@ -126,8 +165,9 @@ void add_import(CLI::App& program, Action& action) {
   CLI::App* command =
       program.add_subcommand("import", "Turn captures, image folders and NPY into a raw BTF");
   command
-      ->add_option("INPUT", options->input,
-                   "A folder or .zip of images, a manifest (.json, .csv), .npy or .safetensors")
+      ->add_option("INPUT", options->inputs,
+                   "A folder or .zip of images, a manifest (.json, .csv), .npy or .safetensors; or "
+                   "one or more MERL BRDFs (.binary), which become a row of texels")
       ->required()
       ->type_name("");
   command->add_option("-o,--output", options->output, "Raw BTF: NAME.safetensors or NAME.npy")
@@ -136,10 +176,10 @@ void add_import(CLI::App& program, Action& action) {
   command
       ->add_option("--kind", options->kind,
                    "auto, ubo2003 (directions in the names), manifest, lights (fixed view), flash "
-                   "(camera_pos.txt, light_pos.txt), npy or raw")
+                   "(camera_pos.txt, light_pos.txt), npy, raw or merl (files or a folder of them)")
       ->type_name("KIND")
       ->check(CLI::IsMember(std::vector<std::string>{"auto", "ubo2003", "manifest", "lights",
-                                                     "flash", "npy", "raw"}));
+                                                     "flash", "npy", "raw", "merl"}));
   command->add_option("--manifest", options->manifest, "Manifest that lies elsewhere")
       ->type_name("FILE")
       ->default_str("");
@@ -154,6 +194,13 @@ void add_import(CLI::App& program, Action& action) {
                    "grid (every view with every light) or paired, for manifests that do not say it")
       ->type_name("LAYOUT")
       ->default_str("");
+  command
+      ->add_option("--view-set", options->view_set,
+                   "Views at which MERL BRDFs are taken: ubo81, ubo151, a count, "
+                   "grid:THETASxPHIS:MAX, or a .json, .npy or raw .safetensors with directions")
+      ->type_name("SET");
+  command->add_option("--light-set", options->light_set, "Their lights, likewise")
+      ->type_name("SET");
   command
       ->add_option("--encoding", options->encoding,
                    "What the values are: linear, srgb or gamma2.2; without it gamma2.2 for 8-bit "
@@ -186,6 +233,7 @@ void add_import(CLI::App& program, Action& action) {
       "  weft import UBO_CORDUROY256.zip -o corduroy.safetensors --level 1\n"
       "  weft import photometric/cat --lights-file photometric/lights.txt -o cat.safetensors\n"
       "  weft import cards_flash -o cards.safetensors --region 256,256,256x256\n"
+      "  weft import paint.binary brass.binary --light-set 400 -o two.safetensors\n"
       "  weft import knit.npy -o knit.safetensors --views 0,4-8 --dtype f16\n"
       "  weft import cloth.safetensors -o part.safetensors --views 'theta<=60' --region "
       "center:64x64");
