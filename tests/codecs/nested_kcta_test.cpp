@@ -10,6 +10,8 @@
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
 #include "support/memory_btf.hpp"
+#include "weft/codecs/fit_kcta.hpp"
+#include "weft/codecs/kcta_options.hpp"
 #include "weft/model/kcta.hpp"
 
 namespace weft::test {
@@ -137,6 +139,44 @@ TEST_P(NestedClusterModels, SayWhatForbidsMore) {
   request.relative = 0.3;
   request.growth = 1;
   EXPECT_FALSE(nested("cta", {}, request)->complete());
+}
+
+// What is cut of a fit and fitted again, with ranks that stay and ranks that do not: errors are
+// those that the fit says, and no larger than those of what it began with.
+TEST_P(NestedClusterModels, FitsFromACutModelAreBetter) {
+  Job job;
+  bool lights_stay = false;
+  bool lights_go = false;
+  for (const Parameters& parameters :
+       {Parameters{{"clusters", "3"}}, Parameters{{"clusters", "3"}, {"global", "lc,y"}},
+        Parameters{{"clusters", "3"}, {"global", "none"}, {"merge", "none"}}}) {
+    const Codec& codec = find_codec("kcta");
+    KctaRequest request = kcta_options(codec, parameters, source_->info());
+    const std::size_t lights = request.groups.group_of(Mode::light);
+    request.ranks[lights] = 7 * request.groups.groups()[lights].size / 12;
+    const auto encoder = GetParam() ? kcta_encoder(shared_device(), *source_, request, job)
+                                    : reference::kcta_encoder(*source_, request, job);
+    NestedClusters made;
+    made.fit = encoder->fit();
+    made.fit.model->info.codec = codec.name();
+    made.fit.model->info.btf = source_->info();
+    made.global = request.global_mode;
+    made.parameters = [](const KctaModel&, double) { return std::string("{}"); };
+    const auto models = nested_clusters(std::move(made));
+    for (std::size_t i = 1; i < models->count(); i += models->count() / 5) {
+      const auto start = models->model(i);
+      (as_kcta(*start).ranks[lights] == request.ranks[lights] ? lights_stay : lights_go) = true;
+      KctaFit fit = encoder->refit(as_kcta(*start), 4);
+      fit.model->info = start->info;
+      EXPECT_EQ(fit.model->ranks, as_kcta(*start).ranks);
+      const double left =
+          std::sqrt((fit.errors.lost + fit.errors.history.back()) / fit.errors.squares);
+      EXPECT_NEAR(error(*fit.model), left, 1e-3 * left + 1e-4);
+      EXPECT_LE(left, 1.01 * error(*start) + 1e-4);
+    }
+  }
+  EXPECT_TRUE(lights_go);
+  EXPECT_TRUE(lights_stay);
 }
 
 TEST_P(NestedClusterModels, TakeSpectraOver) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -25,6 +26,20 @@ using reference::KctaMixing;
 using Sizes = std::vector<std::size_t>;
 
 constexpr const char* update_stage = "update stage";
+
+// A^T B of row-major matrices of as many rows, [columns of A][columns of B].
+std::vector<float> product_of_columns(std::span<const float> A, std::size_t a,
+                                      std::span<const float> B, std::size_t b) {
+  std::vector<double> sums(a * b, 0.0);
+  for (std::size_t row = 0; row < A.size() / a; ++row) {
+    for (std::size_t i = 0; i < a; ++i) {
+      for (std::size_t j = 0; j < b; ++j) {
+        sums[i * b + j] += double{A[row * a + i]} * double{B[row * b + j]};
+      }
+    }
+  }
+  return {sums.begin(), sums.end()};
+}
 
 // The decomposition of the global bases: those modes are cut, the others stay whole.
 TuckerOptions global_options(const KctaRequest& request) {
@@ -86,7 +101,7 @@ struct State {
   }
 };
 
-class Fitter {
+class Fitter final : public KctaEncoder {
  public:
   Fitter(Device& device, TileSource& source, const KctaRequest& request, Job& job)
       : device_(device),
@@ -98,30 +113,48 @@ class Fitter {
         rank_(shape_.ranks[0]),
         decomposition_(device, shape_, update_stage, job) {}
 
-  KctaFit run() {
+  KctaFit fit() override {
     hold_slices();
     start();
     // a pass of hard clustering before those of soft clustering (section 5.1)
     if (request_.mixtures > 1) iterate(1);
-    for (std::size_t i = 0; i < request_.iterations; ++i) {
+    return iterated(request_.iterations);
+  }
+
+  KctaFit refit(const KctaModel& start, std::size_t iterations) override {
+    KctaRequest request = request_;
+    request.ranks = start.ranks;
+    Fitter smaller(device_, source_, request, job_);
+    smaller.hold_slices_of(*this, start);
+    smaller.start_from(start);
+    return smaller.iterated(iterations);
+  }
+
+ private:
+  KctaFit iterated(std::size_t iterations) {
+    for (std::size_t i = 0; i < iterations; ++i) {
       const double before = state_.core_norms();
       const bool better = iterate(request_.mixtures);
-      job_.advance("iteration", i + 1, request_.iterations);
+      job_.advance("iteration", i + 1, iterations);
       fit_.errors.restored = !better;
       const double norms = state_.core_norms();
       if (!better || std::abs(norms - before) <= request_.least_change * norms) break;
     }
+    fit_.errors.squares = squares_of_all_;
+    fit_.errors.lost = lost_;
     make_model();
+    // what is not needed for another
+    B_ = FloatStore();
+    residual_ = FloatStore();
     return std::move(fit_);
   }
 
- private:
   // A_G, eq. (23), with the clustered mode first and its largest value near 1.
   void hold_slices() {
     const TuckerOptions options = global_options(request_);
     TuckerFit global = fit_tucker(device_, source_, options, job_);
-    fit_.errors.squares = global.errors.squares;
-    fit_.errors.lost = std::max(0.0, global.errors.discarded);
+    squares_of_all_ = global.errors.squares;
+    lost_ = std::max(0.0, global.errors.discarded);
     global_ = std::move(global.model->factors);
     A_ = std::move(global.model->core);
     const StageTimer timer(job_, "slices");
@@ -132,14 +165,73 @@ class Fitter {
       for (float& value : A_) value *= scale_;
     }
     if (request_.mode > 0) put_first();
+    hold_rows(0);
+  }
+
+  // The same of a fit with ranks that are no smaller, projected onto the global bases of a model
+  // that was cut of it.
+  void hold_slices_of(const Fitter& whole, const KctaModel& start) {
+    const StageTimer timer(job_, "slices");
+    scale_ = whole.scale_;
+    squares_of_all_ = whole.squares_of_all_;
+    HeldTensor T;
+    T.sizes = whole.shape_.sizes;
+    T.values = whole.A_;
+    for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+      const std::size_t n = shape_.groups[a];
+      const std::size_t rank = shape_.sizes[a];
+      if (start.global[n].empty()) continue;
+      // A_G x U'^T U of bases U that A_G is given in
+      std::vector<float> onto = start.global[n];
+      if (!whole.global_[n].empty()) {
+        onto = product_of_columns(whole.global_[n], T.sizes[a], start.global[n], rank);
+      }
+      T.project(device_, a, rank, onto);
+    }
+    A_ = std::move(T.values);
+    global_ = start.global;
+    hold_rows(whole.A_.place() == FloatStore::Place::memory ? whole.A_.size() * sizeof(float) : 0);
+    const double before = std::accumulate(whole.squares_.begin(), whole.squares_.end(), 0.0);
+    const double after = std::accumulate(squares_.begin(), squares_.end(), 0.0);
+    lost_ = whole.lost_ + std::max(0.0, before - after) / (double{scale_} * double{scale_});
+  }
+
+  // Room for the rows of clusters, beside A_G and what else is held.
+  void hold_rows(std::size_t held) {
     place_ = A_.place();
     std::size_t others = A_.place() == FloatStore::Place::memory ? A_.size() * sizeof(float) : 0;
-    others += working_plan(device_, request_, shape_).total();
+    others += held + working_plan(device_, request_, shape_).total();
     for (const MemoryItem& item : job_.held) others += item.bytes;
     if (others + held_beside(request_, shape_) > job_.memory) place_ = FloatStore::Place::file;
     B_ = FloatStore(request_.clusters * rank_ * row_, place_);
     slices_ = row_list(A_, shape_.slices(), row_);
     squares_ = combined_squares(device_, row_, slices_, {}, {});
+  }
+
+  // Clusters as a model has them; what they leave is not known.
+  void start_from(const KctaModel& start) {
+    const std::size_t slices = shape_.slices();
+    const std::size_t core = start.cores.size() / start.clusters;
+    state_.mixtures = start.mixtures;
+    for (std::size_t i = 0; i < start.members.size(); ++i) {
+      state_.mixing.members.push_back(static_cast<std::uint32_t>(start.members[i]));
+    }
+    state_.mixing.coefficients.assign(start.mixing.begin(), start.mixing.end());
+    state_.mixing.errors.assign(slices, std::numeric_limits<double>::infinity());
+    for (std::size_t c = 0; c < request_.clusters; ++c) {
+      Cluster cluster;
+      const auto first = start.cores.begin() + static_cast<std::ptrdiff_t>(c * core);
+      cluster.Z.assign(first, first + static_cast<std::ptrdiff_t>(core));
+      for (float& value : cluster.Z) value *= scale_;
+      cluster.U.resize(shape_.sizes.size());
+      for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
+        if (!shape_.local(a)) continue;
+        const std::span<const float> U = start.factor(shape_.groups[a], c);
+        cluster.U[a].assign(U.begin(), U.end());
+      }
+      state_.clusters.push_back(std::move(cluster));
+      expand(c);
+    }
   }
 
   void put_first() {
@@ -383,7 +475,7 @@ class Fitter {
     model.set_groups(request_.groups, request_.mode);
     model.clusters = request_.clusters;
     model.ranks = request_.ranks;
-    model.global = std::move(global_);
+    model.global = global_;
     const float inverse = 1 / scale_;
     for (const ClusterBases& cluster : state_.clusters) {
       for (const float value : cluster.Z) {
@@ -407,13 +499,15 @@ class Fitter {
 
   Device& device_;
   TileSource& source_;
-  const KctaRequest& request_;
+  KctaRequest request_;
   Job& job_;
   SliceShape shape_;
   std::size_t row_;   // values of a slice
   std::size_t rank_;  // R_m
   ClusterDecomposition decomposition_;
   std::vector<std::vector<float>> global_;
+  double squares_of_all_ = 0;  // |D|^2
+  double lost_ = 0;            // by global bases
   float scale_ = 1;
   FloatStore A_, B_;
   FloatStore::Place place_ = FloatStore::Place::memory;
@@ -447,7 +541,12 @@ MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& requ
 }
 
 KctaFit fit_kcta(Device& device, TileSource& source, const KctaRequest& request, Job& job) {
-  return Fitter(device, source, request, job).run();
+  return Fitter(device, source, request, job).fit();
+}
+
+std::unique_ptr<KctaEncoder> kcta_encoder(Device& device, TileSource& source,
+                                          const KctaRequest& request, Job& job) {
+  return std::make_unique<Fitter>(device, source, request, job);
 }
 
 }  // namespace weft

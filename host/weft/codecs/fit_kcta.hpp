@@ -8,6 +8,8 @@
 // The clustering stage (mix_slices.hpp) needs of them A B^T and B B^T alone.
 #pragma once
 
+#include <memory>
+
 #include "weft/btf/tile.hpp"
 #include "weft/device/device.hpp"
 #include "weft/job.hpp"
@@ -18,6 +20,10 @@ namespace weft {
 // The model's info is left to the caller, and so is rounding it. Throws input errors for NaN or
 // infinite values and for what does not fit job.memory.
 KctaFit fit_kcta(Device& device, TileSource& source, const KctaRequest& request, Job& job);
+
+// The same, to be fitted again.
+std::unique_ptr<KctaEncoder> kcta_encoder(Device& device, TileSource& source,
+                                          const KctaRequest& request, Job& job);
 
 // What the fit will take.
 MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& request,

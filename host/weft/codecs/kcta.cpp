@@ -15,6 +15,7 @@
 #include "weft/codecs/kcta_sampler.hpp"
 #include "weft/codecs/nested_kcta.hpp"
 #include "weft/codecs/rank_options.hpp"
+#include "weft/codecs/refit_kcta.hpp"
 #include "weft/model/kcta.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/reference/kcta.hpp"
@@ -116,24 +117,33 @@ class KctaCodec final : public Codec {
     const KctaRequest wanted = asked(goal);
     const KctaRequest largest = asked({0, static_cast<double>(info.shape.values())});
     if (device) job.plan(plan_kcta(*device, source, wanted, job));
-    NestedClusters made;
-    made.fit = device ? fit_kcta(*device, source, wanted, job)
-                      : reference::encode_kcta(source, wanted, job);
-    note_errors(made.fit, job);
-    ModelInfo& model = made.fit.model->info;
-    model.codec = name();
-    model.storage = request.storage;
-    model.btf = info;
-    made.global = wanted.global_mode;
-    made.align = count_parameter(*this, parameters, "align", 1);
-    if (wanted.ranks == largest.ranks && wanted.clusters == largest.clusters) {
-      made.bound = kcta_bounds(*this, parameters, largest);
-    }
-    made.spectra = spectra;
-    made.parameters = [wanted](const KctaModel& cut, double error) {
-      return parameters_of(cut, wanted, error);
+    const std::unique_ptr<KctaEncoder> encoder = device
+                                                     ? kcta_encoder(*device, source, wanted, job)
+                                                     : reference::kcta_encoder(source, wanted, job);
+    const auto nest = [&](KctaFit fit, std::size_t fits) {
+      note_errors(fit, job);
+      NestedClusters made;
+      made.fit = std::move(fit);
+      ModelInfo& model = made.fit.model->info;
+      model.codec = name();
+      model.storage = request.storage;
+      model.btf = info;
+      made.global = wanted.global_mode;
+      made.align = count_parameter(*this, parameters, "align", 1);
+      const bool whole = made.fit.model->ranks == largest.ranks;
+      if (whole && wanted.clusters == largest.clusters) {
+        made.bound = kcta_bounds(*this, parameters, largest);
+      }
+      made.spectra = spectra;
+      made.decompositions = fits;
+      made.parameters = [wanted](const KctaModel& cut, double error) {
+        return parameters_of(cut, wanted, error);
+      };
+      return nested_clusters(std::move(made));
     };
-    return nested_clusters(std::move(made));
+    std::unique_ptr<NestedModels> whole = nest(encoder->fit(), 1);
+    if (wanted.mixtures == 1) return whole;
+    return refitted(std::move(whole), *encoder, request, wanted.iterations, nest);
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,

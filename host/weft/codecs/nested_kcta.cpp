@@ -86,6 +86,7 @@ class NestedKcta final : public NestedModels {
   }
   bool complete() const override { return !made_.bound.empty(); }
   std::string bound() const override { return made_.bound; }
+  std::size_t decompositions() const override { return made_.decompositions; }
   std::shared_ptr<const ModeSpectra> spectra() const override { return made_.spectra; }
 
   std::unique_ptr<Model> model(std::size_t i) const override {

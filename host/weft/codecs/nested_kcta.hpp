@@ -29,6 +29,7 @@ struct NestedClusters {
   std::vector<std::uint8_t> global;  // whether a mode has one basis for all clusters
   std::size_t align = 1;             // ranks are multiples of it, or all that there are
   std::string bound;                 // why no other fit is more accurate; empty where one may be
+  std::size_t decompositions = 1;    // fits that it took
   std::shared_ptr<const ModeSpectra> spectra;  // that a further fit takes over
   // A model's parameters, of its relative error as foreseen.
   std::function<std::string(const KctaModel& model, double error)> parameters;

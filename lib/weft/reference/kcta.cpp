@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -115,7 +116,7 @@ struct State {
   }
 };
 
-class Encoder {
+class Encoder final : public KctaEncoder {
  public:
   Encoder(TileSource& source, const KctaRequest& request, Job& job)
       : request_(request), job_(job), info_(source.info()) {
@@ -125,29 +126,73 @@ class Encoder {
     D_ = read_tensor(source, request.groups, job);
     const StageTimer timer(job, "factorise");
     sizes_ = request.groups.sizes();
-    fit_.errors.squares = squares_of(D_);
+    fit_errors_.squares = squares_of(D_);
     project_global();
     put_first();
   }
 
-  KctaFit run() {
+  // Of a fit with ranks that are no smaller, projected onto the global bases of a model that was
+  // cut of it, from its clusters on.
+  Encoder(const Encoder& whole, const KctaRequest& request, const KctaModel& start)
+      : request_(request),
+        job_(whole.job_),
+        info_(whole.info_),
+        D_(whole.D_),
+        sizes_(whole.sizes_),
+        axes_(whole.axes_),
+        global_(whole.global_.size()) {
+    fit_errors_ = whole.fit_errors_;
+    for (std::size_t a = 1; a < axes_.size(); ++a) {
+      const std::size_t n = axes_[a];
+      if (!request_.cuts(n) || request_.global_mode[n] == 0) continue;
+      const std::size_t rank = request_.ranks[n];
+      const std::size_t size = request_.groups.groups()[n].size;
+      global_[n].assign(start.global[n].begin(), start.global[n].end());
+      Values onto = transposed(size, rank, global_[n]);
+      if (!whole.global_[n].empty()) {
+        // U'^T U of the basis U that A_G is given in
+        onto = mode_product(Sizes{rank, size}, 1, onto, sizes_[a],
+                            transposed(size, sizes_[a], whole.global_[n]));
+      }
+      D_ = mode_product(sizes_, a, D_, rank, onto);
+      sizes_[a] = rank;
+    }
+    fit_errors_.lost = std::max(0.0, fit_errors_.squares - squares_of(D_));
+    set_ranks();
+    start_from(start);
+  }
+
+  KctaFit fit() override {
     const StageTimer timer(job_, "factorise");
     start();
     // a pass of hard clustering before those of soft clustering (section 5.1)
     if (request_.mixtures > 1) iterate(1);
-    for (std::size_t i = 0; i < request_.iterations; ++i) {
-      const double before = state_.core_norms();
-      const bool better = iterate(request_.mixtures);
-      job_.advance("iteration", i + 1, request_.iterations);
-      fit_.errors.restored = !better;
-      const double norms = state_.core_norms();
-      if (!better || std::abs(norms - before) <= request_.least_change * norms) break;
-    }
-    make_model();
-    return std::move(fit_);
+    return iterated(request_.iterations);
+  }
+
+  KctaFit refit(const KctaModel& start, std::size_t iterations) override {
+    const StageTimer timer(job_, "factorise");
+    KctaRequest request = request_;
+    request.ranks = start.ranks;
+    return Encoder(*this, request, start).iterated(iterations);
   }
 
  private:
+  KctaFit iterated(std::size_t iterations) {
+    KctaFit fit;
+    for (std::size_t i = 0; i < iterations; ++i) {
+      const double before = state_.core_norms();
+      const bool better = iterate(request_.mixtures);
+      job_.advance("iteration", i + 1, iterations);
+      fit_errors_.restored = !better;
+      const double norms = state_.core_norms();
+      if (!better || std::abs(norms - before) <= request_.least_change * norms) break;
+    }
+    fit.model = made_model();
+    fit.errors = fit_errors_;
+    return fit;
+  }
+
   // A_G, eq. (23)
   void project_global() {
     global_.resize(sizes_.size());
@@ -161,25 +206,53 @@ class Encoder {
       D_ = mode_product(sizes_, n, D_, rank, transposed(sizes_[n], rank, global_[n]));
       sizes_[n] = rank;
     }
-    fit_.errors.lost = std::max(0.0, fit_.errors.squares - squares_of(D_));
+    fit_errors_.lost = std::max(0.0, fit_errors_.squares - squares_of(D_));
   }
 
   // The clustered mode before the others.
   void put_first() {
-    Sizes axes{request_.mode};
+    axes_ = {request_.mode};
     for (std::size_t n = 0; n < sizes_.size(); ++n) {
-      if (n != request_.mode) axes.push_back(n);
+      if (n != request_.mode) axes_.push_back(n);
     }
-    D_ = permuted<double>(D_, sizes_, axes);
+    D_ = permuted<double>(D_, sizes_, axes_);
     Sizes turned;
-    for (const std::size_t n : axes) turned.push_back(sizes_[n]);
+    for (const std::size_t n : axes_) turned.push_back(sizes_[n]);
     sizes_ = turned;
-    ranks_ = turned;
+    set_ranks();
+  }
+
+  void set_ranks() {
+    ranks_ = sizes_;
     ranks_[0] = request_.ranks[request_.mode];
-    for (std::size_t a = 1; a < axes.size(); ++a) {
-      if (request_.cuts(axes[a])) ranks_[a] = request_.ranks[axes[a]];
+    for (std::size_t a = 1; a < axes_.size(); ++a) {
+      if (request_.cuts(axes_[a])) ranks_[a] = request_.ranks[axes_[a]];
     }
     row_ = D_.size() / sizes_[0];
+  }
+
+  // Clusters as a model has them; what they leave is not known.
+  void start_from(const KctaModel& start) {
+    const std::size_t core = start.cores.size() / start.clusters;
+    state_.mixtures = start.mixtures;
+    for (std::size_t i = 0; i < start.members.size(); ++i) {
+      state_.mixing.members.push_back(static_cast<std::uint32_t>(start.members[i]));
+    }
+    state_.mixing.coefficients.assign(start.mixing.begin(), start.mixing.end());
+    state_.mixing.errors.assign(sizes_[0], std::numeric_limits<double>::infinity());
+    for (std::size_t c = 0; c < request_.clusters; ++c) {
+      KctaCluster cluster;
+      cluster.sizes = ranks_;
+      const auto first = start.cores.begin() + static_cast<std::ptrdiff_t>(c * core);
+      cluster.Z.assign(first, first + static_cast<std::ptrdiff_t>(core));
+      for (std::size_t a = 1; a < axes_.size(); ++a) {
+        const std::size_t n = axes_[a];
+        const std::span<const float> U =
+            start.local[n].empty() ? std::span<const float>() : start.factor(n, c);
+        cluster.U.emplace_back(U.begin(), U.end());
+      }
+      state_.clusters.push_back(std::move(cluster));
+    }
   }
 
   std::span<const double> slice(std::size_t i) const {
@@ -203,7 +276,7 @@ class Encoder {
     state_.mixing.coefficients.assign(slices * ranks_[0], 0.0);
     state_.mixing.errors.assign(slices, 0.0);
     update(std::vector<bool>(request_.clusters, true));
-    fit_.errors.history.push_back(state_.error());
+    fit_errors_.history.push_back(state_.error());
   }
 
   // Both stages; false where the error grew, and what was before is restored.
@@ -221,7 +294,7 @@ class Encoder {
     update(fresh);
     const bool better = state_.error() <= before.error();
     if (!better) state_ = before;
-    fit_.errors.history.push_back(state_.error());
+    fit_errors_.history.push_back(state_.error());
     return better;
   }
 
@@ -315,9 +388,9 @@ class Encoder {
     }
   }
 
-  void make_model() {
-    fit_.model = std::make_unique<KctaModel>();
-    KctaModel& model = *fit_.model;
+  std::unique_ptr<KctaModel> made_model() const {
+    auto made = std::make_unique<KctaModel>();
+    KctaModel& model = *made;
     model.set_groups(request_.groups, request_.mode);
     model.clusters = request_.clusters;
     model.ranks = request_.ranks;
@@ -340,18 +413,20 @@ class Encoder {
       set_grid(model, request_.grid_side,
                mix_between(views, sizes_, D_, state_.clusters, request_.mixtures));
     }
+    return made;
   }
 
-  const KctaRequest& request_;
+  KctaRequest request_;
   Job& job_;
   BtfInfo info_;
   Values D_;     // the tensor, then A_G with the clustered mode first
   Sizes sizes_;  // its sizes, and those of cores
+  Sizes axes_;   // the groups of its modes
   Sizes ranks_;
   std::size_t row_ = 1;  // values of a slice
   std::vector<Values> global_;
   State state_;
-  KctaFit fit_;
+  KctaErrors fit_errors_;
 };
 
 }  // namespace
@@ -368,7 +443,12 @@ std::vector<std::vector<double>> mode_spectra(TileSource& source, const ModeGrou
 }
 
 KctaFit encode_kcta(TileSource& source, const KctaRequest& request, Job& job) {
-  return Encoder(source, request, job).run();
+  return Encoder(source, request, job).fit();
+}
+
+std::unique_ptr<KctaEncoder> kcta_encoder(TileSource& source, const KctaRequest& request,
+                                          Job& job) {
+  return std::make_unique<Encoder>(source, request, job);
 }
 
 void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,

@@ -63,6 +63,17 @@ struct KctaFit {
   KctaErrors errors;
 };
 
+// A fit that keeps A_G of (23), to be fitted again with smaller ranks.
+class KctaEncoder {
+ public:
+  virtual ~KctaEncoder() = default;
+  // With the ranks of the request. Called first, and once.
+  virtual KctaFit fit() = 0;
+  // With the ranks of a model that was cut of that fit, orthonormal bases among it, and from its
+  // clusters on. At least one iteration.
+  virtual KctaFit refit(const KctaModel& start, std::size_t iterations) = 0;
+};
+
 // Bytes that making a grid of views takes, and the grid.
 std::size_t grid_bytes(const KctaRequest& request);
 
@@ -73,6 +84,8 @@ std::vector<std::vector<double>> mode_spectra(TileSource& source, const ModeGrou
                                               std::span<const std::size_t> modes, Job& job);
 
 KctaFit encode_kcta(TileSource& source, const KctaRequest& request, Job& job);
+// The same, to be fitted again.
+std::unique_ptr<KctaEncoder> kcta_encoder(TileSource& source, const KctaRequest& request, Job& job);
 
 // Images [first, first + count), [count][Y][X][C].
 void decode_kcta(const KctaModel& model, std::size_t first, std::size_t count,
