@@ -51,10 +51,9 @@ std::vector<double> values_of(const BtfShape& shape, std::uint64_t seed) {
 
 class Goals : public testing::TestWithParam<CodecRun> {
  protected:
-  CompressResult meet(TileSource& source, const std::string& target,
-                      Parameters parameters = {}) const {
+  CompressResult meet(TileSource& source, const std::string& target, Parameters parameters = {},
+                      CompressRequest request = {}) const {
     const CodecRun& run = GetParam();
-    CompressRequest request;
     request.codec = &run.get();
     request.parameters = std::move(parameters);
     if (run.codec == "sparse") {
@@ -129,6 +128,52 @@ TEST_P(Goals, SizesAreKept) {
     // but for one more component, or the longest term of all lists
     const std::size_t step = small.images() * small.channels + small.texels();
     EXPECT_GE(bytes + 2 * step + 1024, goal.bytes) << target;
+  }
+}
+
+// Steps of quantisation are as coarse as the goal allows, and the goal is met all the same.
+TEST_P(Goals, LeaveTheirRestToStorage) {
+  if (GetParam().codec == "sparse") return;  // its own search ends with its lists
+  const auto source = source_of(small, DType::f16, values_of(small, 5));
+  CompressRequest request;
+  request.storage = storage_request("auto");
+  for (const bool weighted : {false, true}) {
+    Weights weights;
+    weights.views = {0.2, 0.5, 1.0, 1.5, 1.8};
+    if (weighted) request.weights = weights;
+    if (weighted) request.weights_json = "{}";
+    CompressRequest half = request;
+    half.storage = storage_request("f16");
+    const CompressResult result = meet(*source, "snr=21", {}, request);
+    const double reached = weighted ? result.errors.weighted->snr : result.errors.snr;
+    EXPECT_EQ(result.goal->reached, reached);
+    EXPECT_GE(reached, 21);
+    EXPECT_LE(reached, 21.2);
+    EXPECT_LT(model_file_size(*result.model),
+              model_file_size(*meet(*source, "snr=21", {}, half).model));
+  }
+}
+
+// Without a goal it is the error that the fit minimised which stays within 1.01 times that of half.
+TEST_P(Goals, WeightsBoundWhatStorageLoses) {
+  const auto source = source_of(small, DType::f16, values_of(small, 6));
+  CompressRequest request;
+  request.codec = &GetParam().get();
+  request.weights.views = {0.02, 0.08, 0.4, 1.5, 3.0};
+  request.weights_json = "{}";
+  if (GetParam().codec == "sparse") {
+    request.parameters = {{"atoms", "24"}, {"iterations", "3"}};
+  } else if (GetParam().codec != "tt") {
+    request.parameters = {{"rank", "4"}};
+  }
+  Job job;
+  Device* const device = GetParam().on_device ? &shared_device() : nullptr;
+  const CompressResult half = compress(device, *source, request, job);
+  request.storage = storage_request("auto");
+  const CompressResult coded = compress(device, *source, request, job);
+  EXPECT_LE(coded.errors.weighted->relative, 1.0101 * half.errors.weighted->relative);
+  if (!coded.model->info.quantised.empty()) {
+    EXPECT_GE(coded.errors.weighted->relative, half.errors.weighted->relative);
   }
 }
 

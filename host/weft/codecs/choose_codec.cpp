@@ -15,6 +15,7 @@
 #include "weft/codecs/measure.hpp"
 #include "weft/error.hpp"
 #include "weft/model/kcta.hpp"
+#include "weft/model/sparse.hpp"
 #include "weft/model/tt.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/reference/random.hpp"
@@ -35,13 +36,14 @@ std::vector<std::size_t> every(std::size_t size, std::size_t step) {
   return kept;
 }
 
-// The part that is tried; see choose_codec.hpp.
-Selection part_of(const BtfInfo& info) {
-  constexpr std::size_t most_side = 64;
+constexpr std::size_t most_side = 64;
+
+// The part that is tried, with a side of so many texels at most; see choose_codec.hpp.
+Selection part_of(const BtfInfo& info, std::size_t side) {
   constexpr std::size_t most_values = std::size_t{1} << 21;
   const BtfShape& shape = info.shape;
-  const std::size_t width = std::min(shape.width, most_side);
-  const std::size_t height = std::min(shape.height, most_side);
+  const std::size_t width = std::min(shape.width, side);
+  const std::size_t height = std::min(shape.height, side);
   Selection part;
   part.region = Region{(shape.width - width) / 2, (shape.height - height) / 2, width, height};
   const bool grid = info.layout == Layout::grid;
@@ -202,10 +204,17 @@ class Trials {
  public:
   Trials(Device* device, TileSource& source, const CompressRequest& request, Job& job)
       : device_(device), shape_(source.info().shape), request_(request) {
-    const Selection part = part_of(source.info());
+    const Selection part = part_of(source.info(), most_side);
     part_ = select(std::shared_ptr<TileSource>(&source, [](TileSource*) {}), part);
     share_ =
         static_cast<double>(part_->info().shape.values()) / static_cast<double>(shape_.values());
+    if (share_ < 1 && !request.goal.by_size()) {
+      Selection more = part_of(source.info(), most_side / 2);
+      more_ = sample(source, request, more);
+      more.views = part.views;
+      more.lights = part.lights;
+      fewer_ = sample(source, request, more);
+    }
     quiet_.memory = job.memory;
     quiet_.seed = job.seed;
     quiet_.nan_zero = job.nan_zero;
@@ -233,6 +242,8 @@ class Trials {
       trial.reached = result.goal->reached;
       trial.snr = result.errors.snr;
       trial.bytes = grown_bytes(*result.model, shape_);
+      // the atoms of sparse lists are as many as are given
+      if (!dynamic_cast<const SparseModel*>(result.model.get())) trial.bytes *= rank_growth();
       trial.encode_seconds = result.encode_seconds / share_;
       trial.lookups = lookup_rate(device_, codec, *result.model);
     } catch (const Error& error) {
@@ -246,6 +257,41 @@ class Trials {
 
  private:
   CompressResult by_error() { return compress(device_, *part_, request_, quiet_); }
+
+  // A part of the source with its weights.
+  struct Sample {
+    std::shared_ptr<TileSource> source;
+    Weights weights;
+  };
+  static Sample sample(TileSource& source, const CompressRequest& request,
+                       const Selection& selection) {
+    return {select(std::shared_ptr<TileSource>(&source, [](TileSource*) {}), selection),
+            select(request.weights, source.info(), selection)};
+  }
+
+  // By how much a model of the whole is larger than the part's ranks tell.
+  double rank_growth() {
+    const auto images = [](const Sample& sample) {
+      return static_cast<double>(sample.source->info().shape.images());
+    };
+    if (!more_.source || images(more_) <= images(fewer_)) return 1;
+    double bytes[2] = {0, 0};
+    for (const Sample* const sample : {&fewer_, &more_}) {
+      CompressRequest request = request_;
+      request.weights = sample->weights;
+      try {
+        bytes[sample == &more_ ? 1 : 0] =
+            grown_bytes(*compress(device_, *sample->source, request, quiet_).model, shape_);
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::unmet_goal) throw;
+        return 1;
+      }
+    }
+    const double power = std::log(bytes[1] / bytes[0]) / std::log(images(more_) / images(fewer_));
+    return std::pow(
+        static_cast<double>(shape_.images()) / static_cast<double>(part_->info().shape.images()),
+        std::clamp(power, 0.0, 1.0));
+  }
 
   // The model of the part of which one of the whole is foreseen to have the wanted size.
   CompressResult by_size() {
@@ -280,6 +326,10 @@ class Trials {
   BtfShape shape_;  // of the whole
   CompressRequest request_;
   std::shared_ptr<TileSource> part_;
+  // Fewer texels under more directions, and those texels under the part's; none where that says
+  // nothing.
+  Sample more_;
+  Sample fewer_;
   double share_ = 1;  // of the values
   Job quiet_;
 };
@@ -299,6 +349,74 @@ bool is_better(const CodecTrial& one, const CodecTrial& other, Preference prefer
   }
   return goal_is_size ? one.snr > other.snr : one.bytes < other.bytes;
 }
+
+// Compressions of the whole by codecs in the order of what is foreseen, as long as one may be
+// better than the best so far.
+class Wholes {
+ public:
+  Wholes(Device* device, TileSource& source, const CompressRequest& request, Preference preference,
+         Job& job)
+      : device_(device), source_(source), request_(request), preference_(preference), job_(job) {}
+
+  void offer(CodecTrial& trial) {
+    constexpr std::size_t most_made = 3;
+    if (!trial.met) return;
+    if (taken_ && !may_be_better(trial)) {
+      trial.outcome = fmt::format("foreseen to be no better than {}", taken_->codec->name());
+      return;
+    }
+    if (taken_ && made_ == most_made) {
+      trial.outcome = "not made of the whole";
+      return;
+    }
+    try {
+      CompressRequest request = request_;
+      request.codec = trial.codec;
+      CompressResult result = compress(device_, source_, request, job_);
+      ++made_;
+      const bool best = !taken_ || is_better(result);
+      if (taken_) (best ? *taken_ : trial).outcome = comparison(best ? best_ : result);
+      if (!best) return;
+      best_ = std::move(result);
+      taken_ = &trial;
+      trial.outcome = "taken";
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::unmet_goal) throw;
+      trial.outcome = error.what();
+      job_.notes.push_back(
+          fmt::format("codec {}, on the whole: {}", trial.codec->name(), trial.outcome));
+    }
+  }
+
+  CodecTrial* taken() const { return taken_; }
+  CompressResult result() { return std::move(best_); }
+
+ private:
+  bool may_be_better(const CodecTrial& trial) const {
+    if (preference_ != Preference::size) return false;
+    return request_.goal.by_size()
+               ? trial.snr > best_.errors.snr
+               : trial.bytes < static_cast<double>(model_file_size(*best_.model));
+  }
+  bool is_better(const CompressResult& result) const {
+    return request_.goal.by_size() ? result.errors.snr > best_.errors.snr
+                                   : model_file_size(*result.model) < model_file_size(*best_.model);
+  }
+  // Of one that was made and not taken.
+  std::string comparison(const CompressResult& made) const {
+    return fmt::format("made of the whole: {} bytes, SNR {:.2f} dB", model_file_size(*made.model),
+                       made.errors.snr);
+  }
+
+  Device* device_;
+  TileSource& source_;
+  const CompressRequest& request_;
+  Preference preference_;
+  Job& job_;
+  CodecTrial* taken_ = nullptr;
+  CompressResult best_;
+  std::size_t made_ = 0;
+};
 
 }  // namespace
 
@@ -342,29 +460,23 @@ CodecChoice compress_by_best(Device* device, TileSource& source, const CompressR
                    [&](const CodecTrial& one, const CodecTrial& other) {
                      return is_better(one, other, preference, request.goal.by_size());
                    });
-  // the whole decides
-  std::string reached;
-  for (CodecTrial& trial : choice.trials) {
-    if (trial.met) {
-      try {
-        CompressRequest whole = request;
-        whole.codec = trial.codec;
-        choice.result = compress(device, source, whole, job);
-        trial.outcome = "taken";
-        job.notes.push_back(fmt::format("codec {}: the best of those that meet {} on {}, by {}",
-                                        trial.codec->name(), request.goal.text, choice.part,
-                                        name_of(preference)));
-        return choice;
-      } catch (const Error& error) {
-        if (error.kind() != ErrorKind::unmet_goal) throw;
-        trial.outcome = error.what();
-        job.notes.push_back(
-            fmt::format("codec {}, on the whole: {}", trial.codec->name(), trial.outcome));
-      }
+  Wholes wholes(device, source, request, preference, job);
+  for (CodecTrial& trial : choice.trials) wholes.offer(trial);
+  CodecTrial* const taken = wholes.taken();
+  if (!taken) {
+    std::string reached;
+    for (const CodecTrial& trial : choice.trials) {
+      reached += fmt::format("\n  {}: {}", trial.codec->name(), trial.outcome);
     }
-    reached += fmt::format("\n  {}: {}", trial.codec->name(), trial.outcome);
+    fail(ErrorKind::unmet_goal, "--target {}: no codec meets it{}", request.goal.text, reached);
   }
-  fail(ErrorKind::unmet_goal, "--target {}: no codec meets it{}", request.goal.text, reached);
+  choice.result = wholes.result();
+  job.notes.push_back(fmt::format("codec {}: the best of those that meet {} on {}, by {}",
+                                  taken->codec->name(), request.goal.text, choice.part,
+                                  name_of(preference)));
+  const auto first = choice.trials.begin() + (taken - choice.trials.data());
+  std::rotate(choice.trials.begin(), first, first + 1);
+  return choice;
 }
 
 }  // namespace weft

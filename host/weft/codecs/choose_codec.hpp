@@ -4,7 +4,14 @@
 // The part is the middle of the texels, at most 64 x 64 of them, under every n-th view and every
 // n-th light, n the smallest that leaves no more than 2^21 values. A model of the whole is foreseen
 // with the ranks, clusters and atoms of the part's: each of its tensors as much larger as the modes
-// that it has; and its encoding with time in proportion to the values.
+// that it has; and its encoding with time in proportion to the values. Ranks grow with the
+// directions: of goals by errors the middle quarter of the texels is tried as well, under those
+// directions and under more of them, and what is foreseen from both tells the power of the images'
+// number that the size grows with besides.
+//
+// The whole decides. Codecs that miss the goal there give way to the next, and so may the one that
+// meets it: while a later one is foreseen to be smaller (or, of a goal that says the file's size,
+// more accurate) than what was made, that one is made too, up to three in all.
 #pragma once
 
 #include <cstddef>
@@ -37,7 +44,7 @@ struct CodecTrial {
 struct CodecChoice {
   std::string part;                // "12 views x 12 lights x 64 x 64 texels"
   std::vector<CodecTrial> trials;  // of all codecs, those to be taken first before others
-  CompressResult result;           // of the first that meets the goal on the whole
+  CompressResult result;           // of the first of them, which was taken
 };
 
 // Throws the unmet goal, with what each codec reached, where none meets it.

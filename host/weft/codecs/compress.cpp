@@ -175,13 +175,28 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
     parameters["target"] = target;
     return fit(device, prepared, request, parameters, job);
   };
-  steps.store = [&](Model& model, Storage storage) {
+  StorageBound bound;
+  if (weighs) bound.weights = &request.weights;
+  steps.store = [&, bound](Model& model, Storage storage) {
     prepared.undo(model);
     set_storage(model, storage);
     StorageRequest as = request.storage;
     if (storage != as.fitted()) as.kind = StorageRequest::Kind::single;
-    store_model(device, model, source, as, job);
+    store_model(device, model, source, as, job, bound);
   };
+  const double relative = request.goal.relative(about.root_mean_square, about.peak);
+  if (request.storage.kind == StorageRequest::Kind::automatic && relative > 0) {
+    constexpr double rounding = 1e-9;  // of the errors that are told from the squares
+    bound.most_squares = relative * relative * of_goal.square_reference * (1 - rounding);
+    steps.store_floats = [&](Model& model) {
+      prepared.undo(model);
+      set_storage(model, Storage::f32);
+    };
+    steps.store_to_goal = [&, bound](Model& model) {
+      prepared.undo(model);
+      store_model(device, model, source, request.storage, job, bound);
+    };
+  }
   steps.measure = [&](const Model& model) { return measure(device, source, request, model, job); };
   return meet_goal(request.goal, about, steps, job);
 }
@@ -220,7 +235,9 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
     result.model = fit(device, prepared, request, request.parameters, job);
     prepared.undo(*result.model);
     if (!request.weights.all_equal()) set_storage(*result.model, request.storage.fitted());
-    store_model(device, *result.model, source, request.storage, job);
+    StorageBound bound;
+    if (!request.weights_json.empty()) bound.weights = &request.weights;
+    store_model(device, *result.model, source, request.storage, job, bound);
     result.encode_seconds = seconds_since(start);
     measured = measure(device, source, request, *result.model, job);
   }

@@ -59,6 +59,8 @@ class Search {
     if (goal_.by_size()) {
       result_.measured = steps_.measure(*result_.model);
       ++result_.trials;
+    } else if (steps_.store_to_goal && models) {
+      spend_on_steps(*models);
     }
     return std::move(result_);
   }
@@ -164,7 +166,8 @@ class Search {
   }
   Trial trial(const NestedModels& models, std::size_t i) {
     std::unique_ptr<Model> model = models.model(i);
-    steps_.store(*model, storage_);
+    // steps to the goal follow when ranks are known
+    steps_.store_floats ? steps_.store_floats(*model) : steps_.store(*model, storage_);
     return measured(std::move(model));
   }
 
@@ -203,6 +206,7 @@ class Search {
       const double missing = factor(tried.errors());
       if (goal_.met(tried.errors())) {
         meets = at;
+        met_ = at;
         take(std::move(tried));
       } else {
         misses = at + 1;
@@ -227,6 +231,30 @@ class Search {
       }
     }
     return meets < count;
+  }
+
+  // What the goal leaves goes into coarser steps: of the smallest model that meets it, and of
+  // larger ones while they take fewer bytes.
+  void spend_on_steps(const NestedModels& models) {
+    const double foreseen = models.error(met_);
+    std::size_t least = file_size(*result_.model);
+    std::size_t before = models.count();
+    bool found = false;
+    for (const double part : {0.99, 0.96, 0.92, 0.87, 0.8}) {
+      const std::size_t at = std::max(first_within(models, part * foreseen), met_);
+      if (at == before) continue;
+      before = at;
+      std::unique_ptr<Model> model = models.model(at);
+      steps_.store_to_goal(*model);
+      Trial tried = measured(std::move(model));
+      if (!goal_.met(tried.errors())) continue;
+      const std::size_t size = file_size(*tried.model);
+      if (size >= least && found) break;
+      if (size >= least) continue;
+      least = size;
+      found = true;
+      take(std::move(tried));
+    }
   }
 
   // Whether the largest model misses whatever it is stored as. Where it is mostly half that makes
@@ -422,6 +450,7 @@ class Search {
   double nearest_factor_ = 0;                   // of the largest models so far
   double bytes_of_value_ = 2;
   std::size_t smallest_size_ = 0;
+  std::size_t met_ = 0;     // the smallest model that meets an error
   bool exhausted_ = false;  // whether larger decompositions came to nothing more
 };
 

@@ -1,7 +1,9 @@
 // The search for the smallest model that meets a goal by its errors, or the most accurate one that
 // meets it by its size. Models are cut of one decomposition (nested_models.hpp): the errors that it
 // foresees say where to look, and models are stored and measured until one meets the goal and the
-// next smaller one misses it. Where the largest misses, a larger decomposition follows.
+// next smaller one misses it. Where the largest misses, a larger decomposition follows. Where steps
+// of quantisation are searched for too, larger models with coarser steps may take fewer bytes: some
+// are tried.
 #pragma once
 
 #include <cstddef>
@@ -31,6 +33,10 @@ struct GoalSteps {
   // Makes a model what its file will give back, stored as `storage` where that is its user's
   // choice.
   std::function<void(Model& model, Storage storage)> store;
+  // Where steps of quantisation are searched for and the goal says a squared error, else null: the
+  // same with as coarse steps as the goal allows, and in float, which says whether there are any.
+  std::function<void(Model& model)> store_to_goal = nullptr;
+  std::function<void(Model& model)> store_floats = nullptr;
   // Errors of a stored model that the goal is about.
   std::function<MeasuredModel(const Model& model)> measure;
 };

@@ -69,10 +69,11 @@ MemoryPlan plan_of(Model& model, std::size_t copies) {
 
 class Allocation {
  public:
-  Allocation(Device* device, Model& model, TileSource& source, Job& job)
+  Allocation(Device* device, Model& model, TileSource& source, const StorageBound& bound, Job& job)
       : device_(device),
         model_(model),
         source_(source),
+        bound_(bound),
         job_(job),
         images_(sample_images(model.info.btf.shape)) {
     plan();
@@ -87,7 +88,8 @@ class Allocation {
     }
   }
 
-  void choose(std::optional<double> most_squares, double slack) {
+  void choose(double slack) {
+    std::optional<double> most_squares = bound_.most_squares;
     const bool has_goal = most_squares.has_value();
     set_storage(model_, Storage::f32);
     const double fitted = squares();
@@ -122,9 +124,41 @@ class Allocation {
 
   double squares() {
     const Codec& codec = find_codec(model_.info.codec);
-    return (device_ ? measure_errors(*device_, *codec.decoder(*device_, model_), source_, job_)
-                    : measure_errors(*codec.reference_decoder(model_), source_, job_))
-        .square_difference;
+    const Weights equal;
+    WeightedErrors weighted{bound_.weights ? *bound_.weights : equal, {}};
+    WeightedErrors* const weighs = bound_.weights ? &weighted : nullptr;
+    const ErrorSums sums =
+        device_ ? measure_errors(*device_, *codec.decoder(*device_, model_), source_, job_, nullptr,
+                                 weighs)
+                : measure_errors(*codec.reference_decoder(model_), source_, job_, nullptr, weighs);
+    return weighs ? weighted.sums.square_difference : sums.square_difference;
+  }
+
+  // |a - b|^2 of two decodings of the sample, as the error is weighted.
+  double sample_squares_between(std::span<const float> a, std::span<const float> b) const {
+    if (!bound_.weights) return sum_squares_between(a, b);
+    const BtfShape& shape = model_.info.btf.shape;
+    double sum = 0;
+    for (std::size_t i = 0; i < images_.size(); ++i) {
+      double image = 0;
+      for (std::size_t p = 0; p < shape.texels(); ++p) {
+        const std::size_t first = (i * shape.texels() + p) * shape.channels;
+        image += bound_.weights->texel(p) * sum_squares_between(a.subspan(first, shape.channels),
+                                                                b.subspan(first, shape.channels));
+      }
+      sum += bound_.weights->image(images_[i], shape.lights) * image;
+    }
+    return sum;
+  }
+
+  // Weight of the sample's images.
+  double sample_weight() const {
+    if (!bound_.weights) return static_cast<double>(images_.size());
+    double sum = 0;
+    for (const std::size_t i : images_) {
+      sum += bound_.weights->image(i, model_.info.btf.shape.lights);
+    }
+    return sum;
   }
 
   void restore() {
@@ -196,9 +230,8 @@ class Allocation {
     const double change = sum_squares_between(values, fitted_[n]);
     double result = 0;
     if (change > 0) {
-      const double share =
-          static_cast<double>(model_.info.btf.shape.images()) / static_cast<double>(images_.size());
-      result = sum_squares_between(decoded(), sample) * share / change;
+      const double share = static_cast<double>(model_.info.btf.shape.images()) / sample_weight();
+      result = sample_squares_between(decoded(), sample) * share / change;
     }
     std::copy(fitted_[n].begin(), fitted_[n].end(), values.begin());
     return result;
@@ -279,6 +312,7 @@ class Allocation {
   Device* device_;
   Model& model_;
   TileSource& source_;
+  const StorageBound& bound_;
   Job& job_;
   std::vector<std::size_t> images_;
   std::vector<std::vector<float>> fitted_;
@@ -288,13 +322,13 @@ class Allocation {
 }  // namespace
 
 void store_model(Device* device, Model& model, TileSource& source, const StorageRequest& request,
-                 Job& job, std::optional<double> most_squares) {
+                 Job& job, const StorageBound& bound) {
   using Kind = StorageRequest::Kind;
   if (request.kind == Kind::bits) {
     job.plan(plan_of(model, 1));
     quantise_all(model, request.bits);
   } else if (request.kind == Kind::automatic) {
-    Allocation(device, model, source, job).choose(most_squares, request.slack);
+    Allocation(device, model, source, bound, job).choose(request.slack);
   } else {
     round_to_storage(model);
   }

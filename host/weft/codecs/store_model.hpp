@@ -11,16 +11,23 @@
 
 #include <optional>
 
+#include "weft/btf/weights.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/model/storage.hpp"
 
 namespace weft {
 
-// Rounds or quantises a model that was fitted with request.fitted(). `most_squares`: for `auto`,
-// the squared error against the source that it may have; without one, (1 + slack)^2 times that of
-// half storage, which is taken where it is smaller. On the device, or by the reference if it is
-// null.
+// What `auto` keeps the error within.
+struct StorageBound {
+  // The squared error against the source that the model may have, weighted where there are weights;
+  // without one, (1 + slack)^2 times that of half storage, which is taken where it is smaller.
+  std::optional<double> most_squares = std::nullopt;
+  const Weights* weights = nullptr;  // of the source, each mode's of mean 1; null: all equal
+};
+
+// Rounds or quantises a model that was fitted with request.fitted(). On the device, or by the
+// reference if it is null.
 void store_model(Device* device, Model& model, TileSource& source, const StorageRequest& request,
-                 Job& job, std::optional<double> most_squares = std::nullopt);
+                 Job& job, const StorageBound& bound = {});
 
 }  // namespace weft
