@@ -123,12 +123,12 @@ TEST_P(EveryCodec, AutomaticStorageKeepsItsBound) {
   // a bound of one's own, and one that nothing meets
   const double bound = 1.1 * squares(*fitted);
   const auto model = read_model(folder / "m.weft");
-  store_model(device, *model, *source, storage_request("auto"), job, bound);
+  store_model(device, *model, *source, storage_request("auto"), job, {bound});
   EXPECT_FALSE(model->info.quantised.empty());
   EXPECT_LE(squares(*model), bound);
   EXPECT_GE(squares(*model), squares(*fitted) + 0.5 * (bound - squares(*fitted)));
   const auto exact = read_model(folder / "m.weft");
-  store_model(device, *exact, *source, storage_request("auto"), job, 0.5 * squares(*fitted));
+  store_model(device, *exact, *source, storage_request("auto"), job, {0.5 * squares(*fitted)});
   EXPECT_EQ(tensor_bytes(*exact), tensor_bytes(*fitted));
 }
 
