@@ -219,7 +219,7 @@ class Fitter final : public KctaEncoder {
     state_.mixing.coefficients.assign(start.mixing.begin(), start.mixing.end());
     state_.mixing.errors.assign(slices, std::numeric_limits<double>::infinity());
     for (std::size_t c = 0; c < request_.clusters; ++c) {
-      Cluster cluster;
+      ClusterBases cluster;
       const auto first = start.cores.begin() + static_cast<std::ptrdiff_t>(c * core);
       cluster.Z.assign(first, first + static_cast<std::ptrdiff_t>(core));
       for (float& value : cluster.Z) value *= scale_;
