@@ -1,7 +1,5 @@
 // Interpolation between views: what splines do at their nodes, of what they reproduce, of smooth
 // functions, beyond the views, and of views that determine no surface.
-#include "weft/btf/view_grid.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +7,7 @@
 
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
+#include "weft/btf/view_grid.hpp"
 
 namespace weft::test {
 namespace {

@@ -153,6 +153,30 @@ void for_each_sum(Device& device, std::size_t length, std::size_t count, const R
   }
 }
 
+// A A^T, [a][a].
+std::vector<double> row_gram(Device& device, std::size_t length, const RowList& A) {
+  const std::size_t a = A.size();
+  const std::size_t most = block_width(a, length);
+  Block block(device, A, length, a * most);
+  Buffer product(device, a * a * sizeof(float), "products of rows");
+  std::vector<float> part(a * a);
+  std::vector<double> sums(a * a, 0.0);
+  for (std::size_t first = 0; first < length; first += most) {
+    check_interrupt();
+    const std::size_t width = std::min(most, length - first);
+    ops::syrk(device, ops::Triangle::lower, ops::Transpose::no, a, width, 1.0,
+              block.columns(first, width), 0.0, {product, a});
+    device.read(product, std::span(part));
+    for (std::size_t i = 0; i < a; ++i) {
+      for (std::size_t j = 0; j <= i; ++j) sums[i * a + j] += double{part[i * a + j]};
+    }
+  }
+  for (std::size_t i = 0; i < a; ++i) {
+    for (std::size_t j = i + 1; j < a; ++j) sums[i * a + j] = sums[j * a + i];
+  }
+  return sums;
+}
+
 }  // namespace
 
 RowList row_list(std::span<const float> values, std::size_t rows, std::size_t length) {
@@ -173,18 +197,18 @@ std::vector<double> row_products(Device& device, std::size_t length, const RowLi
   const std::size_t b = B.size();
   std::vector<double> sums(a * b, 0.0);
   if (sums.empty()) return sums;
-  const bool same = A == B;
-  const std::size_t most = block_width(same ? a : a + b, length);
+  if (A == B) return row_gram(device, length, A);
+  const std::size_t most = block_width(a + b, length);
   const std::size_t parts = ops::ceil_div(most, summed_columns);
   Block left(device, A, length, a * most);
-  Block right(device, B, length, same ? 0 : b * most);
+  Block right(device, B, length, b * most);
   Buffer product(device, parts * a * b * sizeof(float), "products of rows");
   std::vector<float> part(parts * a * b);
   for (std::size_t first = 0; first < length; first += most) {
     check_interrupt();
     const std::size_t width = std::min(most, length - first);
     const ops::ConstMatrix mine = left.columns(first, width);
-    const ops::ConstMatrix others = same ? mine : right.columns(first, width);
+    const ops::ConstMatrix others = right.columns(first, width);
     // `count` products of so many columns each, the first of them the `to`-th
     const auto multiply = [&](std::size_t offset, std::size_t columns, std::size_t count,
                               std::size_t to) {
