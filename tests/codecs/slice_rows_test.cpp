@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "support/generators.hpp"
+#include "support/guarded_buffer.hpp"
 #include "support/matchers.hpp"
 #include "support/shared_device.hpp"
 #include "weft/reference/mode_product.hpp"
@@ -69,6 +70,49 @@ TEST(SliceRows, SeveralBlocks) {
     sum += double{A[3 * length + i]} * double{A[length + i]};
   }
   EXPECT_NEAR(row_products(shared_device(), length, rows, rows)[1], sum, 1e-2);
+}
+
+// Where rows lie and what they are added to, round the sizes of tiles and vectors; nothing beside
+// is written.
+TEST(SliceRows, SmallSumsOfRowsInPlace) {
+  Device& device = shared_device();
+  if (!device.limits().is_cpu) GTEST_SKIP() << "of CPU devices";
+  constexpr std::size_t length = 61;
+  const std::vector<float> A = random_floats(12 * length, 1, -1, 1);
+  const std::vector<float> B = random_floats(9 * length, 2, -1, 1);
+  const GuardedBuffer rows(device, std::span<const float>(A), "rows");
+  const GuardedBuffer base(device, std::span<const float>(B), "base");
+  for (const std::size_t count : Sizes{1, 3, 4, 5, 8, 9}) {
+    for (const std::size_t width : Sizes{1, 15, 16, 17, 48, 49}) {
+      const std::size_t terms = width % 5 + 1;
+      const std::size_t first = width % 7;
+      const std::vector<float> M = random_floats(count * terms, count, -1, 1);
+      std::vector<cl_ulong> row_at;
+      for (std::size_t j = 0; j < terms; ++j) row_at.push_back((5 * j + 2) % 12 * length);
+      std::vector<cl_ulong> base_at;
+      for (std::size_t i = 0; i < count; ++i) base_at.push_back((count - 1 - i) * length);
+      for (const bool has_base : {false, true}) {
+        GuardedBuffer out(device, count * width * sizeof(float), "sums");
+        ops::RowSums(device, rows.buffer(), row_at, has_base ? &base.buffer() : nullptr, base_at, M,
+                     count)
+            .columns(first, width, out.buffer());
+        std::vector<double> expected;
+        for (std::size_t i = 0; i < count; ++i) {
+          for (std::size_t p = first; p < first + width; ++p) {
+            double sum = has_base ? double{B[base_at[i] + p]} : 0.0;
+            for (std::size_t j = 0; j < terms; ++j) {
+              sum += double{M[i * terms + j]} * double{A[row_at[j] + p]};
+            }
+            expected.push_back(sum);
+          }
+        }
+        const auto found = out.values<float>();
+        EXPECT_TRUE(all_near(found, expected, gamma(7, float_roundoff) * 6))
+            << count << " " << width;
+        EXPECT_TRUE(out.intact());
+      }
+    }
+  }
 }
 
 TEST(SliceRows, SmallModesOfRows) {
