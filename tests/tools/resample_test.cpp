@@ -180,6 +180,26 @@ TEST(Resample, BadRequestsAreRefusedAndLeaveNothing) {
   EXPECT_EQ(count_files(folder.path()), 1u);
 }
 
+TEST(Resample, DirectionsOfAnImportAreOfBrdfs) {
+  const TemporaryFolder folder;
+  const std::string cloth = write_cloth(folder), out = folder / "out.safetensors";
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& part) {
+    arguments.insert(arguments.begin(), "import");
+    arguments.insert(arguments.end(), {"-o", out});
+    const ProcessResult result = run_weft(arguments);
+    EXPECT_EQ(result.status, 2) << result.err;
+    EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+  };
+  refused({cloth, "--light-set", "4"}, "--light-set");
+  refused({cloth, cloth}, "several inputs");
+  write_bytes(folder / "short.binary", "no BRDF");
+  refused({folder / "short.binary"}, "short.binary: 7 bytes");
+  refused({folder.path(), "--kind", "merl", "--view-set", "none"}, "--view-set: 'none'");
+  std::filesystem::remove(folder / "short.binary");
+  refused({folder.path(), "--kind", "merl"}, "no files named *.binary");
+  EXPECT_EQ(count_files(folder.path()), 1u);
+}
+
 TEST(Resample, HelpNamesTheOptions) {
   const ProcessResult result = run_weft({"resample", "--help"});
   EXPECT_EQ(result.status, 0);

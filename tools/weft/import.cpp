@@ -30,6 +30,7 @@ namespace weft {
 namespace {
 
 constexpr const char* merl_ending = ".binary";
+constexpr const char* usual_set = "ubo81";
 // How many of the images that are no part of a capture a report names.
 constexpr std::size_t ignored_named = 3;
 
@@ -37,8 +38,8 @@ struct ImportOptions {
   std::vector<std::string> inputs;
   std::string output;
   std::string kind = "auto";
-  std::string view_set = "ubo81";
-  std::string light_set = "ubo81";
+  std::string view_set;  // of MERL BRDFs; usual_set if empty
+  std::string light_set;
   std::string manifest;
   std::string lights_file;
   std::string layout;
@@ -77,11 +78,20 @@ Capture open_input(const ImportOptions& options) {
     if (!std::filesystem::exists(each, ignored)) fail_input("{}: does not exist", each);
   }
   if (options.kind == "merl" || (options.kind == "auto" && path.extension() == merl_ending)) {
-    return {open_merl(merl_files(options),
-                      read_direction_set(options.view_set, DirectionRole::views, "--view-set"),
-                      read_direction_set(options.light_set, DirectionRole::lights, "--light-set")),
-            "merl",
-            {}};
+    const auto set = [](const std::string& text, DirectionRole role, const char* option) {
+      return read_direction_set(text.empty() ? usual_set : text, role, option);
+    };
+    return {
+        open_merl(merl_files(options), set(options.view_set, DirectionRole::views, "--view-set"),
+                  set(options.light_set, DirectionRole::lights, "--light-set")),
+        "merl",
+        {}};
+  }
+  if (!options.view_set.empty() || !options.light_set.empty()) {
+    fail_input(
+        "{}: --view-set and --light-set are for MERL BRDFs; 'weft resample' has them for "
+        "raw BTFs",
+        input);
   }
   if (options.inputs.size() > 1) {
     fail_input("{} and {}: several inputs are for MERL BRDFs", input, options.inputs[1]);
@@ -162,14 +172,15 @@ void run_import(const ImportOptions& options) {
 
 void add_import(CLI::App& program, Action& action) {
   auto options = std::make_shared<ImportOptions>();
-  CLI::App* command =
-      program.add_subcommand("import", "Turn captures, image folders and NPY into a raw BTF");
+  CLI::App* command = program.add_subcommand(
+      "import", "Turn captures, image folders, NPY and MERL BRDFs into a raw BTF");
   command
       ->add_option("INPUT", options->inputs,
                    "A folder or .zip of images, a manifest (.json, .csv), .npy or .safetensors; or "
                    "one or more MERL BRDFs (.binary), which become a row of texels")
       ->required()
-      ->type_name("");
+      ->type_name("")
+      ->default_str("");
   command->add_option("-o,--output", options->output, "Raw BTF: NAME.safetensors or NAME.npy")
       ->required()
       ->type_name("FILE");
@@ -198,9 +209,11 @@ void add_import(CLI::App& program, Action& action) {
       ->add_option("--view-set", options->view_set,
                    "Views at which MERL BRDFs are taken: ubo81, ubo151, a count, "
                    "grid:THETASxPHIS:MAX, or a .json, .npy or raw .safetensors with directions")
-      ->type_name("SET");
+      ->type_name("SET")
+      ->default_str(usual_set);
   command->add_option("--light-set", options->light_set, "Their lights, likewise")
-      ->type_name("SET");
+      ->type_name("SET")
+      ->default_str(usual_set);
   command
       ->add_option("--encoding", options->encoding,
                    "What the values are: linear, srgb or gamma2.2; without it gamma2.2 for 8-bit "

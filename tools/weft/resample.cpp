@@ -237,10 +237,10 @@ void add_resample(CLI::App& program, Action& action) {
       ->type_name("TYPE")
       ->default_str("");
   command
-      ->add_option("--nan", options->nan, "NaN and infinities in the input: refuse them, or zero")
+      ->add_option("--nan", options->nan,
+                   "NaN and infinite values in the input: error, or zero to read them as 0")
       ->check(CLI::IsMember({"error", "zero"}))
-      ->type_name("NAME")
-      ->default_str("error");
+      ->type_name("CHOICE");
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
