@@ -11,12 +11,12 @@ each codec at the RMSE of the sparse tensors in relation to theirs, and an SVG w
                                      [--codecs sparse,pca,...] [--plot-only] [BTF ...]
 """
 import argparse
-import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
+
+from measure import Unmet, load, materials, run, save
 
 RATIOS = (1600, 800, 400, 200, 100)
 GRID = {
@@ -32,37 +32,10 @@ COLOURS = {"sparse": "#c0392b", "pca": "#2c3e50", "lpca": "#2980b9", "view-pca":
            "tucker": "#8e44ad"}
 
 
-class Unmet(RuntimeError):
-    """A goal that cannot be reached: no failure, but no point of the curve either."""
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode == 1:
-        raise Unmet(result.stderr.strip())
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
-
-
-def load(path):
-    if not os.path.exists(path):
-        return {}
-    with open(path, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def save(path, rows):
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        json.dump(rows, file, indent=1, sort_keys=True)
-    os.replace(path + ".part", path)
-
-
 def measure(options, rows):
     names = options.btf
     if not names:
-        listed = subprocess.run([options.weft, "synth", "--list"], capture_output=True, text=True, check=True)
-        names = [line.split()[0] for line in listed.stdout.splitlines() if line.strip()]
+        names = materials(options.weft)
         if options.only:
             names = [name for name in names if name in options.only.split(",")]
     with tempfile.TemporaryDirectory() as folder:
@@ -217,5 +190,5 @@ def main():
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (RuntimeError, OSError, ValueError, subprocess.CalledProcessError) as error:
+    except (RuntimeError, OSError, ValueError) as error:
         sys.exit(f"rate_distortion.py: error: {error}")

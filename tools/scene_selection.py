@@ -15,16 +15,16 @@ it already are not repeated. Printed is Markdown: for each variant, what the pic
                                      [--pictures FOLDER] [--table-only]
 """
 import argparse
-import json
 import math
 import os
 import shlex
-import subprocess
 import sys
 import tempfile
 import zlib
 
 import numpy as np
+
+from measure import Unmet, load, run, save
 
 LADDERS = {
     "pca": [["--rank", str(rank)] for rank in (8, 16, 32, 64)],
@@ -38,32 +38,6 @@ SELECTION = ("--views", "--lights", "--region", "--channels", "--level")
 RENDERING = ["--size", "200", "--samples", "2"]
 EYE = 4.0  # the camera's distance from the middle of the sphere, in radii
 FIELD_OF_VIEW = 35.0
-
-
-class Unmet(RuntimeError):
-    """A goal that cannot be reached: no failure, but no point of the curve either."""
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode == 1:
-        raise Unmet(result.stderr.strip())
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
-
-
-def load(path):
-    if not os.path.exists(path):
-        return {}
-    with open(path, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def save(path, rows):
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        json.dump(rows, file, indent=1, sort_keys=True)
-    os.replace(path + ".part", path)
 
 
 def read_png(path):
@@ -278,5 +252,5 @@ def main():
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (RuntimeError, OSError, ValueError, subprocess.CalledProcessError) as error:
+    except (RuntimeError, OSError, ValueError) as error:
         sys.exit(f"scene_selection.py: error: {error}")

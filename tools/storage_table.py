@@ -14,9 +14,10 @@ import argparse
 import json
 import os
 import struct
-import subprocess
 import tempfile
 import time
+
+from measure import load, materials as known_materials, run, save
 
 CODECS = {
     "pca": ["--rank", "32"],
@@ -27,13 +28,6 @@ CODECS = {
     "tucker": ["--ranks", "v=24,l=24,y=40,x=40,c=3"],
     "tt": ["--rank", "64"],
 }
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
 
 
 def packed_size(path):
@@ -73,16 +67,12 @@ def main():
     parser.add_argument("--results")
     parser.add_argument("raw", nargs="*")
     options = parser.parse_args()
-    rows = {}
-    if options.results and os.path.exists(options.results):
-        with open(options.results, encoding="utf-8") as file:
-            rows = json.load(file)
+    rows = load(options.results)
 
     with tempfile.TemporaryDirectory() as folder:
         materials = {os.path.splitext(os.path.basename(raw))[0]: raw for raw in options.raw}
         if not materials:
-            listed = subprocess.run([options.weft, "synth", "--list"], capture_output=True, text=True, check=True)
-            materials = {line.split()[0]: None for line in listed.stdout.splitlines() if line.strip()}
+            materials = {name: None for name in known_materials(options.weft)}
         for name, raw in materials.items():
             for codec in CODECS:
                 for storage in ("f16", "auto"):
@@ -94,9 +84,7 @@ def main():
                         run(options.weft, "synth", "--material", name, "--size", "64", "--view-set", "41",
                             "--light-set", "41", "--samples", "2", "--dtype", "u8", "-o", raw)
                     rows[key] = measure(options.weft, raw, codec, storage, folder)
-                    if options.results:
-                        with open(options.results, "w", encoding="utf-8") as file:
-                            json.dump(rows, file, indent=1)
+                    save(options.results, rows)
 
     print("| material | codec | f16, KiB | SNR, dB | auto, KiB | SNR, dB | f16 / auto | by quantising | by coding "
           "| bits | encode f16, s | encode auto, s | read f16, s | read auto, s |")

@@ -14,9 +14,10 @@ Markdown. plot_tensor_table.py draws it.
 import argparse
 import json
 import os
-import subprocess
 import sys
 import tempfile
+
+from measure import materials as known_materials, run
 
 KINDS = {"nsvd": "N-SVD", "tt1": "TT (1)", "tt2": "TT (2)"}
 MODES = "xycvl"
@@ -41,13 +42,6 @@ class Measured:
             with open(self.path + ".part", "w", encoding="utf-8") as file:
                 json.dump(self.rows, file, indent=1)
             os.replace(self.path + ".part", self.path)
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
 
 
 def codec_options(kind, shape, part, nsvd):
@@ -126,8 +120,7 @@ def main():
         os.makedirs(models, exist_ok=True)
         materials = options.btf
         if not materials:
-            listed = subprocess.run([options.weft, "synth", "--list"], capture_output=True, text=True, check=True)
-            materials = [line.split()[0] for line in listed.stdout.splitlines() if line.strip()]
+            materials = known_materials(options.weft)
         for source in materials:
             material = os.path.splitext(os.path.basename(source))[0]
             model = {kind: os.path.join(models, f"{material}-{kind}.weft") for kind in KINDS}
@@ -161,5 +154,5 @@ def main():
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except (RuntimeError, OSError, subprocess.CalledProcessError) as error:
+    except (RuntimeError, OSError) as error:
         sys.exit(f"tensor_table.py: error: {error}")

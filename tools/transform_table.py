@@ -10,9 +10,10 @@ rendered on a ball beside the raw BTF. The table is printed as Markdown.
 import argparse
 import json
 import os
-import subprocess
 import sys
 import tempfile
+
+from measure import run
 
 MATERIALS = [("weave", "u8"), ("hammered", "f32"), ("coins", "f32")]
 CODECS = {
@@ -25,13 +26,6 @@ CODECS = {
 }
 TRANSFORMS = {"u8": ["none", "log", "ycrcb", "decorrelated"],
               "f32": ["none", "log", "logluv", "logluv 1,4,4", "decorrelated"]}
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
 
 
 def measure(options, rows, folder):

@@ -11,11 +11,11 @@ done, and runs that are in it already are not repeated. Printed is a Markdown ta
                                    [--directions 41] [--table-only]
 """
 import argparse
-import json
 import os
-import subprocess
 import sys
 import tempfile
+
+from measure import load, run, save
 
 PARAMETERS = {
     "pca": ["--rank", "16"],
@@ -25,26 +25,6 @@ PARAMETERS = {
     "tt": ["--ranks", "40,120,40,12"],
     "tucker": ["--ranks", "v=20,l=16,y=40,x=40"],
 }
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
-
-
-def load(path):
-    if not os.path.exists(path):
-        return {}
-    with open(path, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def save(path, rows):
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        json.dump(rows, file, indent=1, sort_keys=True)
-    os.replace(path + ".part", path)
 
 
 def measure(options, rows):

@@ -233,7 +233,10 @@ class LpcaCodec final : public Codec {
     }
     const std::size_t most = std::min(shape.texels(), n);
     if (!bounded) {
-      options.rank = static_cast<std::size_t>(static_cast<double>(options.rank) * request.growth);
+      const double grown = static_cast<double>(options.rank) * request.growth;
+      options.rank = request.spectra && request.wanted > 0
+                         ? foreseen_rank(request.spectra->front(), request)
+                         : static_cast<std::size_t>(grown);
       options.rank = std::min(options.rank, most);
     }
     Fit made = fit(device, source, options, request.storage, job);
@@ -322,6 +325,26 @@ class LpcaCodec final : public Codec {
   }
 
  private:
+  // The rank at which clusters come to the wanted error, from what smaller ranks leave: about a
+  // power of the rank, which the upper half of them tells. At least half as many again.
+  static std::size_t foreseen_rank(const std::vector<double>& left, const NestedRequest& request) {
+    const std::size_t rank = left.size() - 1;
+    const double half = left[rank / 2];
+    const double whole = left[rank];
+    const double wanted = request.wanted * request.wanted * request.squares;
+    constexpr double most_growth = 16;
+    double growth = 2;
+    if (rank >= 2 && half > whole && whole > wanted && wanted > 0) {
+      const double power = std::log(half / whole) /
+                           std::log(static_cast<double>(rank) / static_cast<double>(rank / 2));
+      constexpr double spare = 1.1;
+      growth = spare * std::pow(whole / wanted, 1 / power);
+    }
+    growth = std::clamp(growth, 1.5, most_growth);
+    return static_cast<std::size_t>(
+        std::ceil(static_cast<double>(std::max<std::size_t>(rank, 1)) * growth));
+  }
+
   struct Fit {
     std::unique_ptr<LpcaModel> model;  // unrounded
     double error = 0;                  // relative; 0 where it is too small to be resolved

@@ -95,7 +95,7 @@ class Search {
       relative =
           source_.root_mean_square > 0 ? goal_.value / (peaks * source_.root_mean_square) : 1;
     }
-    request.relative = std::min(relative, 1.0);
+    request.relative = request.wanted = std::min(relative, 1.0);
     return request;
   }
 

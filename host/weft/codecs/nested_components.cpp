@@ -87,11 +87,13 @@ template <typename M>
 class NestedComponents final : public NestedModels {
  public:
   using Cut = std::function<std::unique_ptr<Model>(const M& whole, std::vector<std::uint32_t>)>;
-  NestedComponents(std::unique_ptr<M> whole, Order order, std::string bound, Cut cut)
+  NestedComponents(std::unique_ptr<M> whole, Order order, std::string bound, Cut cut,
+                   std::shared_ptr<const ModeSpectra> spectra = nullptr)
       : whole_(std::move(whole)),
         order_(std::move(order)),
         bound_(std::move(bound)),
-        cut_(std::move(cut)) {}
+        cut_(std::move(cut)),
+        spectra_(std::move(spectra)) {}
 
   std::size_t count() const override { return order_.count(); }
   std::unique_ptr<Model> model(std::size_t i) const override {
@@ -101,12 +103,14 @@ class NestedComponents final : public NestedModels {
   double error(std::size_t i) const override { return order_.error(i); }
   bool complete() const override { return !bound_.empty(); }
   std::string bound() const override { return bound_; }
+  std::shared_ptr<const ModeSpectra> spectra() const override { return spectra_; }
 
  private:
   std::unique_ptr<M> whole_;
   Order order_;
   std::string bound_;
   Cut cut_;
+  std::shared_ptr<const ModeSpectra> spectra_;
 };
 
 constexpr std::string_view kept_member = R"("kept":)";
@@ -229,6 +233,15 @@ std::unique_ptr<NestedModels> nested_components(std::unique_ptr<LpcaModel> whole
     squares.emplace_back(rows.begin() + static_cast<std::ptrdiff_t>(offsets[g]),
                          rows.begin() + static_cast<std::ptrdiff_t>(offsets[g + 1]));
   }
+  // what is left with so many components of every cluster, from none on
+  std::vector<double> left(whole->rank + 1, about.residual_squares);
+  for (const std::vector<double>& basis : squares) {
+    double rest = 0;
+    for (std::size_t j = basis.size(); j-- > 0;) {
+      rest += basis[j];
+      left[j] += rest;
+    }
+  }
   // every texel has as many coefficients as the deepest cluster has components
   const std::size_t column = shape.texels();
   Order order(std::move(squares), about, whole->mean.size(),
@@ -239,7 +252,8 @@ std::unique_ptr<NestedModels> nested_components(std::unique_ptr<LpcaModel> whole
       std::move(whole), std::move(order), about.bound,
       [](const LpcaModel& model, const std::vector<std::uint32_t>& ranks) {
         return leading_components(model, ranks);
-      });
+      },
+      std::make_shared<const ModeSpectra>(ModeSpectra{std::move(left)}));
 }
 
 }  // namespace weft

@@ -31,6 +31,7 @@ std::unique_ptr<NestedModels> nested_components(std::unique_ptr<PcaModel> whole,
                                                 const NestedWhole& about);
 std::unique_ptr<NestedModels> nested_components(std::unique_ptr<ViewPcaModel> whole,
                                                 const NestedWhole& about);
+// Its spectra are one list: the squared error with j components of every cluster, from none on.
 std::unique_ptr<NestedModels> nested_components(std::unique_ptr<LpcaModel> whole,
                                                 const NestedWhole& about);
 

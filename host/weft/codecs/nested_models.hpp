@@ -16,7 +16,8 @@ using ModeSpectra = std::vector<std::vector<double>>;
 
 // What a decomposition is to hold.
 struct NestedRequest {
-  double relative = 0;     // models with |T - T'| / |T| down to this; 0: by their size
+  double relative = 0;  // models with |T - T'| / |T| down to this; 0: by their size
+  double wanted = 0;    // that a goal is about; `relative` is more when a decomposition missed it
   std::size_t values = 0;  // or models of up to so many numbers
   double growth = 1;       // of a codec's own first guess, where what it came to was too little
   double squares = 0;      // |T|^2
