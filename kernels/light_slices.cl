@@ -68,7 +68,7 @@ __kernel void slice_luminances(ulong count, __global const float* restrict value
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void slice_nodes(ulong slices, uint lights, uint side, float e,
                           __global const uint* restrict first,
-                          __global const uint2* restrict terms,
+                          __global const uint* restrict terms,
                           __global const float* restrict defence,
                           __global const float* restrict luminances, __global float* restrict nodes,
                           __global float* restrict row_sums) {
@@ -80,13 +80,13 @@ __kernel void slice_nodes(ulong slices, uint lights, uint side, float e,
     for (uint n = 0; n < cells; ++n) {
       float sum = 0.0f;
       for (uint k = first[n]; k < first[n + 1]; ++k) {
-        sum = fma(as_float(terms[k].y), luminance[terms[k].x], sum);
+        sum += as_float(terms[2 * k + 1]) * luminance[terms[2 * k]];
       }
       node[n] = sum;
-      largest = sum > largest ? sum : largest;
+      largest = fmax(sum, largest);
     }
     // by the largest, so that no sum overflows
-    const bool black = !isnormal(largest);
+    const bool black = !(largest >= FLT_MIN && largest <= FLT_MAX);
     float sum = 0.0f;
     for (uint n = 0; n < cells; ++n) sum += black ? 0.0f : node[n] / largest;
     const float factor = (1.0f - e) * (float)cells / sum;

@@ -79,6 +79,29 @@ TEST(Info, Model) {
   EXPECT_EQ(report.at("ratio").get<double>(), 3.0 * 4 * 5 * 6 * 3 * 2 / bytes);
 }
 
+// Of every view, and the same of a raw BTF and of a model that holds it.
+TEST(Info, Albedo) {
+  const TemporaryFolder folder;
+  const std::filesystem::path raw = write_raw(folder), model = folder / "whole.weft";
+  ASSERT_EQ(run_weft({"compress", raw, "--rank", "30", "--storage", "f32", "-o", model}).status, 0);
+  const ProcessResult result = run_weft({"info", "--albedo", "--json", raw, model});
+  ASSERT_EQ(result.status, 0) << result.err;
+  const nlohmann::json files = nlohmann::json::parse(result.out).at("files");
+  for (std::size_t view = 0; view < shape.views; ++view) {
+    const nlohmann::json of_raw = files.at(0).at("albedo").at(view);
+    const nlohmann::json of_model = files.at(1).at("albedo").at(view);
+    EXPECT_EQ(of_raw.at("view").get<std::size_t>(), view);
+    for (const char* channel : {"red", "green", "blue"}) {
+      // means of even values in [0, 1] over the hemisphere, 2 pi, some of it fading to the horizon
+      EXPECT_GT(of_raw.at(channel).get<double>(), 0.25 * 6.28);
+      EXPECT_LT(of_raw.at(channel).get<double>(), 0.75 * 6.28);
+      EXPECT_NEAR(of_model.at(channel).get<double>(), of_raw.at(channel).get<double>(), 1e-3);
+    }
+  }
+  const ProcessResult without = run_weft({"info", "--json", raw});
+  EXPECT_FALSE(nlohmann::json::parse(without.out).at("files").at(0).contains("albedo"));
+}
+
 TEST(Info, TableForPeople) {
   const TemporaryFolder folder;
   const ProcessResult result = run_weft({"info", write_raw(folder), write_pca(folder)});

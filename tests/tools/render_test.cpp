@@ -8,6 +8,7 @@
 #include <csignal>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <span>
@@ -193,6 +194,77 @@ TEST_F(Render, AConstantEnvironmentShowsTheAlbedo) {
   for (const float value : light_of(path("q.exr"))) scaled += static_cast<double>(value);
   EXPECT_NEAR(scaled / static_cast<double>(light.size()), 2 * expected,
               8 * expected * std::sqrt(10.0 / 6 / (12 * 12 * 256)));
+}
+
+// However its samples are drawn, at no more noise than by even samples of the sphere. The
+// material's own are drawn nearly by the cosine, and leave almost none.
+TEST_F(Render, EveryWayOfSamplingShowsTheAlbedo) {
+  const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
+  const std::vector<float> map(8 * 16 * 3, 0.75f);
+  write_exr(path("map.exr"), {8, 16, 3, DType::f32}, std::as_bytes(std::span(map)),
+            ExrCompression::none);
+  std::map<std::string, double> noise;
+  for (const std::string device : {"auto", "reference"}) {
+    for (const std::string way : {"light", "material", "both"}) {
+      SCOPED_TRACE(device + " " + way);
+      const json found = report({input,
+                                 "--shape",
+                                 "plane",
+                                 "--environment",
+                                 path("map.exr"),
+                                 "--light-samples",
+                                 "64",
+                                 "--sampling",
+                                 way,
+                                 "--noise",
+                                 "--turn",
+                                 "0,0",
+                                 "--fov",
+                                 "10",
+                                 "--samples",
+                                 "1",
+                                 "--size",
+                                 "12",
+                                 "--device",
+                                 device,
+                                 "-o",
+                                 path("p.exr")});
+      EXPECT_EQ(found.at("sampling"), way);
+      noise[way] = found.at("noise").get<double>();
+      const std::vector<float> light = light_of(path("p.exr"));
+      double sum = 0;
+      for (const float value : light) sum += static_cast<double>(value);
+      const double expected = 0.5 * 0.75, deviation = std::sqrt(10.0 / 6 / 64);
+      EXPECT_NEAR(sum / static_cast<double>(light.size()), expected, 4 * expected * deviation / 12);
+      // samples are well spread, which makes it less
+      EXPECT_LT(noise[way], deviation);
+      const bool has_tables = found.at("stages").dump().find("light tables") != std::string::npos;
+      EXPECT_EQ(has_tables, way != "light");
+    }
+    EXPECT_LT(noise["material"], 0.5 * noise["light"]);
+    EXPECT_LT(noise["both"], noise["light"]);
+  }
+  // nothing is drawn without an environment
+  report({input, "--light", "20,30", "--sampling", "both", "--size", "12", "-o", path("q.exr")});
+}
+
+TEST_F(Render, PlansEnvironmentAndMesh) {
+  const std::string input = write_diffuse(path("brdf.safetensors"), 0.5, Quantity::brdf);
+  const std::vector<float> map(32 * 64 * 3, 0.75f);
+  write_exr(path("map.exr"), {32, 64, 3, DType::f32}, std::as_bytes(std::span(map)),
+            ExrCompression::none);
+  const ProcessResult result = render({input, "--shape", "drape", "--environment", path("map.exr"),
+                                       "--sampling", "both", "--size", "12", "-o", path("p.exr")});
+  EXPECT_EQ(result.status, 0);
+  for (const char* item : {"environment map 40", "mesh ", "tables to draw lights from "}) {
+    EXPECT_NE(result.err.find(item), std::string::npos) << item << " in " << result.err;
+  }
+  // they count: a limit that holds what there is but for the mesh is refused
+  const ProcessResult refused =
+      render({input, "--shape", "drape", "--memory", "1M", "--size", "12", "-o", path("q.exr")});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.err.find("mesh"), std::string::npos) << refused.err;
+  EXPECT_FALSE(fs::exists(path("q.exr")));
 }
 
 // Weights of directions solve a system of three unit vectors about 15 degrees apart, whose inverse
@@ -436,6 +508,9 @@ TEST_F(Render, BadUsageIsStatusTwoAndLeavesNothing) {
                               {input, "--environment", path("none.hdr"), "-o", output},
                               {input, "--light-samples", "0", "-o", output},
                               {input, "--environment-scale", "-1", "-o", output},
+                              {input, "--sampling", "bright", "-o", output},
+                              {input, "--sampling", "-o", output},
+                              {input, "--noise", "--turntable", "2", "-o", path("t")},
                               {input, "--exposure", "bright", "-o", output},
                               {input, "--exposure", "1000", "-o", output},
                               {input, "--tone", "filmy", "-o", output},
@@ -495,7 +570,8 @@ TEST_F(Render, ProgressCountsThePixelsOfAllFrames) {
 TEST_F(Render, HelpHasExamples) {
   const ProcessResult result = render({"--help"});
   EXPECT_EQ(result.status, 0);
-  for (const char* part : {"Examples:", "--shape", "--turntable", "--environment", "--compare"}) {
+  for (const char* part :
+       {"Examples:", "--shape", "--turntable", "--environment", "--sampling", "--compare"}) {
     EXPECT_NE(result.out.find(part), std::string::npos) << part;
   }
 }

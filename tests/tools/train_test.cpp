@@ -81,6 +81,11 @@ TEST_F(TrainProcess, SaysHowFastItIs) {
   EXPECT_GT(report.at("images").at("rate").get<double>(), 0);
   EXPECT_GT(report.at("look_ups").at("unsorted").get<double>(), 0);
   EXPECT_GT(report.at("look_ups").at("filtered").get<double>(), 0);
+  for (const std::string by : {"", "reference_"}) {
+    for (const char* kind : {"samples", "densities", "coherent_samples", "coherent_densities"}) {
+      EXPECT_GT(report.at("lights").at(by + kind).get<double>(), 0) << by << kind;
+    }
+  }
   EXPECT_EQ(run_weft({"bench", "--model", path("cloth.safetensors")}).status, 2);
 
   const ProcessResult texel =
@@ -91,6 +96,7 @@ TEST_F(TrainProcess, SaysHowFastItIs) {
   EXPECT_EQ(one.at("texel_operations"), one.at("parameters").at("texel_operations"));
   EXPECT_FALSE(one.contains("images"));
   EXPECT_FALSE(one.contains("look_ups"));
+  EXPECT_FALSE(one.contains("lights"));
   const ProcessResult none = run_weft({"bench", "--model", path("train.weft"), "--filter", "gemm"});
   EXPECT_EQ(none.status, 2);
   EXPECT_NE(none.err.find("--filter gemm"), std::string::npos) << none.err;

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "albedo_report.hpp"
 #include "btf_report.hpp"
 #include "common.hpp"
 #include "report.hpp"
@@ -21,12 +22,15 @@
 #include "weft/io/safetensors.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/storage.hpp"
+#include "weft/reference/light_sampler.hpp"
+#include "weft/reference/lookup.hpp"
 
 namespace weft {
 namespace {
 
 struct InfoOptions {
   std::vector<std::string> files;
+  bool albedo = false;
   OutputOptions output;
 };
 
@@ -44,11 +48,12 @@ void add_tensor_table(Report& report, const SafetensorsFile& file) {
   report.table("tensors", {"tensor", "dtype", "shape", "bytes"}, std::move(rows));
 }
 
-void describe_model(Report& report, const std::filesystem::path& path) {
+void describe_model(Report& report, const std::filesystem::path& path, bool albedo) {
   // Opening it verifies the container, the metadata and the checksum of every tensor.
   const ModelFile model(path);
   // Reading it verifies that its tensors fit each other and its codec.
-  find_codec(model.info().codec).read(model);
+  const Codec& codec = find_codec(model.info().codec);
+  const std::unique_ptr<Model> read = codec.read(model);
   const ModelInfo& info = model.info();
   report.add("kind", "model");
   report.add("program_version", info.program_version);
@@ -68,15 +73,21 @@ void describe_model(Report& report, const std::filesystem::path& path) {
     add_weighted_fields(report.section("weighted_errors"), *info.errors->weighted);
   }
   add_tensor_table(report, model.file());
+  if (albedo) add_albedo_table(report, info.btf, *codec.light_sampler(nullptr, *read));
 }
 
-void describe_raw(Report& report, const std::filesystem::path& path) {
+void describe_raw(Report& report, const std::filesystem::path& path, bool albedo) {
   const std::shared_ptr<TileSource> source = open_raw_btf(path);
   report.add("kind", "raw BTF");
   add_btf_fields(report, source->info());
   report.add("raw_size", bytes_cell(source->info().bytes()));
   report.add("file_size", bytes_cell(std::filesystem::file_size(path)));
   if (SafetensorsFile::looks_like(path)) add_tensor_table(report, SafetensorsFile(path));
+  if (albedo) {
+    const auto sampler =
+        reference::slice_light_sampler(source->info(), reference::tile_sampler(*source));
+    add_albedo_table(report, source->info(), *sampler);
+  }
 }
 
 void run_info(const InfoOptions& options) {
@@ -89,9 +100,9 @@ void run_info(const InfoOptions& options) {
     description.add("file", name);
     try {
       if (ModelFile::looks_like(path)) {
-        describe_model(description, path);
+        describe_model(description, path, options.albedo);
       } else {
-        describe_raw(description, path);
+        describe_raw(description, path, options.albedo);
       }
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::input) throw;
@@ -123,15 +134,19 @@ void add_info(CLI::App& program, Action& action) {
       ->required()
       ->type_name("")
       ->default_str("");
+  command->add_flag("--albedo", options->albedo,
+                    "Tell what the material reflects in all of even light, for each measured view: "
+                    "the mean over up to 64 texels");
   add_output_options(*command, options->output);
   command->footer(
       "The header of every file and the checksums of models are verified; the values of raw BTFs "
       "are\n"
-      "not read. Exit status 2 if a file is not valid.\n"
+      "not read without --albedo. Exit status 2 if a file is not valid.\n"
       "\n"
       "Examples:\n"
       "  weft info cloth.safetensors\n"
       "  weft info cloth.weft other.weft\n"
+      "  weft info --albedo cloth.weft\n"
       "  weft info --json cloth.weft");
   command->callback([options, &action] { action = [options] { run_info(*options); }; });
 }

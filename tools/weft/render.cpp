@@ -27,6 +27,7 @@
 #include "weft/metrics/ssim.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/render/shade.hpp"
+#include "weft/scene/light_tables.hpp"
 #include "weft/scene/ray_caster.hpp"
 #include "weft/scene/render_picture.hpp"
 
@@ -63,6 +64,16 @@ Material open_material(const std::string& file, const SelectionOptions& selectio
 std::unique_ptr<Shader> make_shader(const Material& material, Device* device, Job& job) {
   return material.raw ? make_shader(device, material.raw, job)
                       : make_shader(device, material.model, job);
+}
+
+// Makes the tables that lights are drawn from, where they are. Of two materials that are compared,
+// both are seen in the same light.
+void draw_lights_by(Shader& material, Scene& scene, Job& job) {
+  EnvironmentLight& environment = scene.environment;
+  if (!environment.map || environment.sampling == LightSampling::light) return;
+  environment.material =
+      std::make_shared<const LightTables>(material.light_tables(job.memory / 8, job));
+  job.held.push_back({"tables to draw lights from", environment.material->bytes()});
 }
 
 Picture render(const Scene& scene, Shader& material, Job& job) {
@@ -117,6 +128,25 @@ double chosen_exposure(const Picture& picture) {
   const auto rank = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(brightest.size() - 1));
   std::nth_element(brightest.begin(), brightest.begin() + rank, brightest.end());
   return std::log2(0.8 / static_cast<double>(brightest[static_cast<std::size_t>(rank)]));
+}
+
+// The standard deviation of the luminance of a pixel that shows nothing but material, which the
+// samples of the environment leave, from two pictures of other samples: root mean square over them,
+// relative to their mean.
+double relative_noise(const Picture& one, const Picture& other) {
+  double squares = 0, sum = 0, count = 0;
+  for (std::size_t i = 0; i < one.pixels.size(); ++i) {
+    if (one.pixels[i][3] <= 0.999f) continue;
+    const auto luminance = [i](const Picture& picture) {
+      const std::array<float, 4>& pixel = picture.pixels[i];
+      return slice_luminance(std::array{double{pixel[0]}, double{pixel[1]}, double{pixel[2]}});
+    };
+    const double a = luminance(one), b = luminance(other);
+    squares += (a - b) * (a - b) / 2;
+    sum += (a + b) / 2;
+    count += 1;
+  }
+  return sum > 0 ? std::sqrt(squares * count) / sum : 0;
 }
 
 // How pictures are finished: the exposure is chosen by the first.
@@ -178,6 +208,9 @@ void run_render(const RenderOptions& options) {
   if (frames > 0 && !options.compare.empty()) {
     fail_input("--compare takes one picture, not the frames of --turntable or --light-sweep");
   }
+  if (frames > 0 && options.noise) {
+    fail_input("--noise takes one picture, not the frames of --turntable or --light-sweep");
+  }
   Outputs outputs;
   if (frames == 0) {
     outputs = plan_outputs(options);
@@ -186,7 +219,7 @@ void run_render(const RenderOptions& options) {
                options.output);
   }
   const RenderRequest request = make_render_request(options);
-  const Scene& scene = request.scene;
+  Scene scene = request.scene;
   if (!options.compare.empty()) check_ssim(scene.camera.height, scene.camera.width, 1.0);
   const Material input = open_material(options.input, options.selection);
   Material compared;
@@ -199,12 +232,19 @@ void run_render(const RenderOptions& options) {
   const std::size_t pixels = scene.camera.width * scene.camera.height;
   // another picture, the display values of two, and the bytes of a file
   job.held.push_back({"pictures", pixels * (4 * sizeof(float) + 3 * (3 * sizeof(double) + 2))});
+  if (scene.environment.map) {
+    job.held.push_back({"environment map", scene.environment.map->bytes()});
+  }
+  if (const std::size_t bytes = scene.shape->bytes(); bytes > 0) {
+    job.held.push_back({"mesh", bytes});
+  }
   const Clock::time_point start = Clock::now();
   std::unique_ptr<Shader> material = make_shader(input, device.get(), job);
+  draw_lights_by(*material, scene, job);
 
   Finish finish(request);
   PictureComparison comparison;
-  double seconds_per_frame = 0;
+  double seconds_per_frame = 0, noise = 0;
   const Clock::time_point first_frame = Clock::now();
   if (frames > 0) {
     render_frames(options, scene, *material, finish, *folder, job);
@@ -212,6 +252,11 @@ void run_render(const RenderOptions& options) {
   } else {
     Picture picture = render(scene, *material, job);
     seconds_per_frame = seconds_since(first_frame);
+    if (options.noise) {
+      Scene again = scene;
+      again.seed = scene.seed + 1;
+      noise = relative_noise(picture, render(again, *material, job));
+    }
     finish.apply(picture);
     if (!options.compare.empty()) {
       material.reset();  // two may not fit
@@ -238,6 +283,8 @@ void run_render(const RenderOptions& options) {
   report.add("height", scene.camera.height, "pixels");
   report.add("samples", scene.samples, "per pixel");
   report.add("lights", scene.lights_per_point(), "per sample");
+  if (scene.environment.map) report.add("sampling", options.sampling);
+  if (options.noise) report.add("noise", noise);
   report.add("exposure", finish.tone().exposure, "stops");
   if (!options.compare.empty()) {
     report.add("compared_with", options.compare);
@@ -282,6 +329,7 @@ void add_render(CLI::App& program, Action& action) {
       "  weft render cloth.weft -o ball.png\n"
       "  weft render cloth.weft --shape drape --environment venice.hdr --show-environment -o "
       "d.png\n"
+      "  weft render cloth.weft --environment venice.hdr --sampling both --noise -o ball.exr\n"
       "  weft render cloth.weft --compare cloth.safetensors --light 45,-135 -o ball.png\n"
       "  weft render cloth.safetensors --views 'theta<=60' --compare cloth.safetensors -o rim.png\n"
       "  weft render cloth.safetensors --shape plane --light 60,0,3 --light 30,180,0,0,1 -o p.exr\n"

@@ -157,6 +157,7 @@ void add_lights(const RenderOptions& options, RenderRequest& request) {
   scene.environment.rotation = options.rotation;
   scene.environment.scale = options.environment_scale;
   scene.environment.samples = options.light_samples;
+  scene.environment.sampling = light_sampling_from_name(options.sampling, "--sampling");
 }
 
 // Turned about the z axis, counter-clockwise as seen from above.
@@ -211,7 +212,9 @@ RenderRequest make_render_request(const RenderOptions& options) {
   add_lights(options, request);
   scene.shape = make_shape(options);
   request.shape = options.shape;
-  validate(scene);
+  Scene lit_by_light = scene;  // tables of the material come with the material
+  lit_by_light.environment.sampling = LightSampling::light;
+  validate(lit_by_light);
   return request;
 }
 
@@ -324,6 +327,14 @@ void add_render_options(CLI::App& command, RenderOptions& options) {
                            "Samples of the environment for each ray"))
       ->check(CLI::Range(1, 65536))
       ->type_name("COUNT");
+  light(command.add_option("--sampling", options.sampling,
+                           "What these samples are drawn by: light (where the environment is "
+                           "bright), material (where it reflects most) or both (half by each, "
+                           "weighed together)"))
+      ->type_name("WAY");
+  light(command.add_flag("--noise", options.noise,
+                         "Render once more with other samples, and report the noise they leave: "
+                         "the standard deviation of a pixel relative to the mean"));
   light(command.add_flag("--show-environment", options.show_environment,
                          "Show the environment behind the shape"));
 

@@ -40,6 +40,8 @@ struct RenderOptions {
   double rotation = 0;
   double environment_scale = 1;
   std::size_t light_samples = 16;
+  std::string sampling = "light";
+  bool noise = false;
   bool show_environment = false;
   std::string background;
   std::size_t samples = 4;

@@ -14,6 +14,7 @@
 #include "weft/error.hpp"
 #include "weft/ops/shade.hpp"
 #include "weft/render/raw_sampler.hpp"
+#include "weft/scene/light_tables.hpp"
 #include "weft/scene/texture_taps.hpp"
 
 namespace weft {
@@ -59,6 +60,23 @@ class DeviceShader final : public Shader {
 
   std::size_t batch_samples() const override { return material_.batch; }
   std::size_t bytes() const override { return material_.bytes; }
+
+  LightTables light_tables(std::size_t memory, Job& job) override {
+    const StageTimer timer(job, "light tables");
+    const BtfInfo& info = material_.info;
+    const std::size_t level = LightTables::choose_level(info, material_.levels.size(), memory);
+    std::vector<float> found;
+    return {info, level, [&](std::span<const std::uint32_t> records, std::span<double> out) {
+              constexpr LookupShape single{1, 1, 1};
+              write(list_, records, "look-ups");
+              reserve(device_, values_, out.size() * sizeof(float), "values looked up");
+              material_.levels[level]->look_up(single, records.size() / single.words(), list_,
+                                               values_);
+              found.resize(out.size());
+              device_.read(values_, std::span<float>(found));
+              std::copy(found.begin(), found.end(), out.begin());
+            }};
+  }
 
   void shade(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
              std::span<PointRadiance> radiance, Job& job) override {

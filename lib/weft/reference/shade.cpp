@@ -9,6 +9,7 @@
 #include "weft/btf/mip.hpp"
 #include "weft/btf/view_grid.hpp"
 #include "weft/error.hpp"
+#include "weft/scene/light_tables.hpp"
 #include "weft/scene/texture_taps.hpp"
 
 namespace weft::reference {
@@ -57,6 +58,14 @@ class ReferenceShader final : public Shader {
       shade_run(points.subspan(first, count), lights.subspan(first * samples, count * samples),
                 radiance.subspan(first, count), job);
     }
+  }
+
+  LightTables light_tables(std::size_t memory, Job& job) override {
+    const StageTimer timer(job, "light tables");
+    const std::size_t level = LightTables::choose_level(info_, levels_.size(), memory);
+    return {info_, level, [&](std::span<const std::uint32_t> records, std::span<double> out) {
+              levels_[level]->look_up({1, 1, 1}, records, out);
+            }};
   }
 
   std::size_t batch_samples() const override { return batch; }

@@ -36,6 +36,10 @@ class EnvironmentMap {
 
   std::size_t rows() const { return rows_; }
   std::size_t columns() const { return columns_; }
+  std::size_t bytes() const {
+    return radiance_.size() * sizeof(float) +
+           (row_sums_.size() + column_sums_.size()) * sizeof(double);
+  }
 
   // The texel of a direction of unit length, as lights see it.
   std::array<float, 3> radiance(const Vector3& direction) const;

@@ -18,11 +18,14 @@ constexpr std::size_t points_per_side = 6;
 
 }  // namespace
 
+std::size_t LightNodes::side_of(std::size_t lights) {
+  const double cells = 2 * static_cast<double>(lights);
+  return std::clamp(static_cast<std::size_t>(std::ceil(std::sqrt(cells))), least_side,
+                    largest_side);
+}
+
 LightNodes::LightNodes(std::span<const Direction> lights, Quantity quantity)
-    : side_(std::clamp(
-          static_cast<std::size_t>(std::ceil(std::sqrt(2 * static_cast<double>(lights.size())))),
-          least_side, largest_side)),
-      albedo_weights_(lights.size()) {
+    : side_(side_of(lights.size())), albedo_weights_(lights.size()) {
   const Hemisphere hemisphere(lights);
   const double points = points_per_side * static_cast<double>(side_);
   constexpr double share = 1.0 / (points_per_side * points_per_side);

@@ -31,7 +31,8 @@ class LightNodes {
   // Of a material's lights; cells are about half as large as what belongs to one of them.
   LightNodes(std::span<const Direction> lights, Quantity quantity);
 
-  // n
+  // n, of so many lights
+  static std::size_t side_of(std::size_t lights);
   std::size_t side() const { return side_; }
   std::size_t count() const { return side_ * side_; }
   std::size_t lights() const { return albedo_weights_.size(); }

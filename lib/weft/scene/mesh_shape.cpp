@@ -2,7 +2,9 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
 
@@ -78,7 +80,20 @@ class MeshShape : public Shape {
     return ray.tfar < 0;
   }
 
+  std::size_t bytes() const override {
+    return mesh_.vertices.size() * sizeof(TriangleMesh::Vertex) +
+           mesh_.triangles.size() * sizeof(mesh_.triangles[0]) +
+           vertex_derivatives_.size() * sizeof(Derivatives) +
+           static_cast<std::size_t>(std::max<std::ptrdiff_t>(traced_bytes_, 0));
+  }
+
  private:
+  // What Embree allocates and frees.
+  static bool count_bytes(void* counter, ssize_t bytes, bool /*post*/) {
+    *static_cast<std::atomic<std::ptrdiff_t>*>(counter) += bytes;
+    return true;
+  }
+
   static void set_ray(RTCRay& ray, const Vector3& origin, const Vector3& direction) {
     const std::array<float, 3> o = to_float(origin), d = to_float(direction);
     ray.org_x = o[0];
@@ -133,6 +148,7 @@ class MeshShape : public Shape {
     device_.reset(rtcNewDevice("threads=1,set_affinity=0"));
     if (!device_)
       fail_runtime("Embree: no device: error {}", static_cast<int>(rtcGetDeviceError(nullptr)));
+    rtcSetDeviceMemoryMonitorFunction(device_.get(), count_bytes, &traced_bytes_);
     scene_.reset(rtcNewScene(device_.get()));
     rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
     RTCGeometry geometry = rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE);
@@ -211,6 +227,7 @@ class MeshShape : public Shape {
   TriangleMesh mesh_;
   std::vector<Derivatives> vertex_derivatives_;
   double extent_ = 0;
+  std::atomic<std::ptrdiff_t> traced_bytes_{0};  // outlives the device, which counts in it
   DeviceHandle device_;
   SceneHandle scene_;
 };

@@ -9,6 +9,8 @@
 #include <thread>
 
 #include "weft/error.hpp"
+#include "weft/scene/light_nodes.hpp"
+#include "weft/scene/light_tables.hpp"
 #include "weft/scene/noise.hpp"
 #include "weft/scene/tangent_frame.hpp"
 #include "weft/scene/vector.hpp"
@@ -94,41 +96,75 @@ class PointLights {
 
   void add_directional(std::vector<LightSample>& lights) const {
     for (const DirectionalLight& light : scene_.lights) {
-      lights.push_back(sample(light.direction, light.irradiance));
+      lights.push_back(sample(frame_.to_local(light.direction), light.direction, light.irradiance));
     }
   }
 
-  // The Hammersley points of the unit square, moved by a random offset round its edges for every
-  // pixel: each sample is evenly distributed, and all together are well spread. The points of a
-  // pixel share the gaps between them, so that their mean is better than any of them.
-  void add_environment(std::size_t pixel, std::size_t point,
+  // Directions drawn by the light, by what the material reflects at the point, or by both. A
+  // direction w drawn in either way counts by 1 / (n_l p_l(w) + n_m p_m(w)), n the samples of a way
+  // and p its density: the balance heuristic (E. Veach, L. Guibas, Optimally Combining Sampling
+  // Techniques for Monte Carlo Rendering, SIGGRAPH 1995).
+  void add_environment(const ShadingPoint& point, std::size_t index,
                        std::vector<LightSample>& lights) const {
     const EnvironmentLight& light = scene_.environment;
     const Rotation rotation(light.rotation);
-    const std::uint64_t key = hash(hash(scene_.seed) ^ pixel);
-    const double first =
-        fraction(hash_unit(key) + static_cast<double>(point) / static_cast<double>(scene_.samples));
-    const double second =
-        hash_unit(hash(key)) +
-        radical_inverse(point) / static_cast<double>(std::bit_ceil(light.samples));
-    const auto count = static_cast<double>(light.samples);
-    for (std::size_t i = 0; i < light.samples; ++i) {
-      const EnvironmentSample drawn =
-          light.map->sample({fraction((static_cast<double>(i) + first) / count),
-                             fraction(radical_inverse(i) + second)});
+    const std::size_t by_material = light.sampling == LightSampling::light      ? 0
+                                    : light.sampling == LightSampling::material ? light.samples
+                                                                                : light.samples / 2;
+    const std::size_t by_light = light.samples - by_material;
+    const auto n_l = static_cast<double>(by_light), n_m = static_cast<double>(by_material);
+    std::optional<BilinearDensity> reflected;
+    if (by_material > 0) reflected = light.material->density(point.uv, point.view);
+    const auto add = [&](const Vector3& local, const Vector3& world,
+                         const std::array<float, 3>& radiance, double p_l, double p_m) {
       std::array<double, 3> irradiance{};
-      if (drawn.density > 0) {
-        const double factor = light.scale / (drawn.density * count);
-        for (std::size_t c = 0; c < 3; ++c) irradiance[c] = double{drawn.radiance[c]} * factor;
+      const double weight = n_l * p_l + n_m * p_m;
+      if (weight > 0) {
+        for (std::size_t c = 0; c < 3; ++c) {
+          irradiance[c] = double{radiance[c]} * light.scale / weight;
+        }
       }
-      lights.push_back(sample(rotation.forward(drawn.direction), irradiance));
+      lights.push_back(sample(local, world, irradiance));
+    };
+    const std::uint64_t key = hash(hash(scene_.seed) ^ point.pixel);
+    for (const std::array<double, 2>& numbers : spread(key, index, by_light)) {
+      const EnvironmentSample drawn = light.map->sample(numbers);
+      const Vector3 world = rotation.forward(drawn.direction);
+      const Vector3 local = frame_.to_local(world);
+      add(local, world, drawn.radiance, drawn.density,
+          reflected && local[2] > 0 ? light_density(*reflected, local) : 0);
+    }
+    for (const std::array<double, 2>& numbers : spread(hash(key + 1), index, by_material)) {
+      const LightOfSlice drawn = draw_light(*reflected, numbers);
+      const Vector3 world = frame_.to_world(drawn.direction);
+      const Vector3 in_map = rotation.back(world);
+      add(drawn.direction, world, light.map->radiance(in_map),
+          by_light > 0 ? light.map->density(in_map) : 0, drawn.density);
     }
   }
 
  private:
-  LightSample sample(const Vector3& direction, const std::array<double, 3>& irradiance) const {
+  // The Hammersley points of the unit square, moved by a random offset round its edges for every
+  // pixel: each sample is evenly distributed, and all together are well spread. The points of a
+  // pixel share the gaps between them, so that their mean is better than any of them.
+  std::vector<std::array<double, 2>> spread(std::uint64_t key, std::size_t point,
+                                            std::size_t samples) const {
+    const double first =
+        fraction(hash_unit(key) + static_cast<double>(point) / static_cast<double>(scene_.samples));
+    const double second =
+        hash_unit(hash(key)) + radical_inverse(point) / static_cast<double>(std::bit_ceil(samples));
+    std::vector<std::array<double, 2>> numbers(samples);
+    for (std::size_t i = 0; i < samples; ++i) {
+      numbers[i] = {fraction((static_cast<double>(i) + first) / static_cast<double>(samples)),
+                    fraction(radical_inverse(i) + second)};
+    }
+    return numbers;
+  }
+
+  // Of a direction in the point's frame and in the world.
+  LightSample sample(const Vector3& local, const Vector3& direction,
+                     const std::array<double, 3>& irradiance) const {
     LightSample result;
-    const Vector3 local = frame_.to_local(direction);
     result.direction = to_float(local);
     const bool dark = irradiance[0] <= 0 && irradiance[1] <= 0 && irradiance[2] <= 0;
     if (dark || local[2] <= 0 ||
@@ -207,7 +243,7 @@ void RayCaster::cast_pixel(std::size_t pixel, Section& section) const {
     const PointLights lights(scene_, *hit, frame);
     lights.add_directional(section.lights);
     if (scene_.environment.map) {
-      lights.add_environment(pixel, s, section.lights);
+      lights.add_environment(point, s, section.lights);
     }
   }
   std::array<float, 4> rounded{};

@@ -38,6 +38,13 @@ DirectionalLight light_at_degrees(double theta, double phi, std::array<double, 3
           irradiance};
 }
 
+LightSampling light_sampling_from_name(std::string_view name, std::string_view option) {
+  if (name == "light") return LightSampling::light;
+  if (name == "material") return LightSampling::material;
+  if (name == "both") return LightSampling::both;
+  fail_input("{}: '{}' is none of light, material, both", option, name);
+}
+
 void validate(const Scene& scene) {
   validate(scene.camera);
   check_count(scene.samples, "samples per pixel");
@@ -53,6 +60,9 @@ void validate(const Scene& scene) {
   }
   if (scene.environment.map) {
     check_count(scene.environment.samples, "samples of the environment");
+    if (scene.environment.sampling != LightSampling::light && !scene.environment.material) {
+      fail_input("scene: lights are drawn by the material, of which there are no tables");
+    }
     if (!std::isfinite(scene.environment.rotation)) {
       fail_input("scene: rotation of the environment {}", scene.environment.rotation);
     }

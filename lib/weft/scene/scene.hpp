@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "weft/scene/camera.hpp"
@@ -12,6 +13,8 @@
 #include "weft/scene/shape.hpp"
 
 namespace weft {
+
+class LightTables;
 
 struct DirectionalLight {
   Vector3 direction{0, 0, 1};                 // towards the light, of unit length
@@ -21,11 +24,19 @@ struct DirectionalLight {
 // A light from (theta, phi) in degrees, measured from +z and from +x towards +y.
 DirectionalLight light_at_degrees(double theta, double phi, std::array<double, 3> irradiance);
 
+// What the directions of an environment's samples are drawn by: its own light; what the material
+// reflects; or half of them by each, weighed together by the balance heuristic.
+enum class LightSampling : std::uint8_t { light, material, both };
+// "light", "material", "both"; throws an input error that names `option`.
+LightSampling light_sampling_from_name(std::string_view name, std::string_view option);
+
 struct EnvironmentLight {
   std::shared_ptr<const EnvironmentMap> map;
   double rotation = 0;       // about the z axis, degrees, counter-clockwise as seen from above
   double scale = 1;          // of the radiance
   std::size_t samples = 64;  // per shading point
+  LightSampling sampling = LightSampling::light;
+  std::shared_ptr<const LightTables> material;  // for all sampling but by light
 };
 
 struct Scene {
@@ -46,7 +57,7 @@ struct Scene {
 
 // Throws an input error that names the field and the value unless the scene has a shape and at
 // least one light, all values are finite, lights and background not negative, directions of unit
-// length, and counts within [1, 65536].
+// length, counts within [1, 65536], and there are tables of the material if lights are drawn by it.
 void validate(const Scene& scene);
 
 }  // namespace weft

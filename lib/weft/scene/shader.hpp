@@ -27,6 +27,8 @@
 
 namespace weft {
 
+class LightTables;
+
 // Linear rgb, premultiplied by m, and m.
 using PointRadiance = std::array<float, 4>;
 
@@ -39,6 +41,10 @@ class Shader {
   // "look-ups" and "shading".
   virtual void shade(std::span<const ShadingPoint> points, std::span<const LightSample> lights,
                      std::span<PointRadiance> radiance, Job& job) = 0;
+
+  // What lights are drawn from at points of this material (light_tables.hpp), in at most about
+  // `memory` bytes. Adds the stage "light tables".
+  virtual LightTables light_tables(std::size_t memory, Job& job) = 0;
 
   // Points and light samples that it takes at once: batches of about as many cost least.
   virtual std::size_t batch_samples() const = 0;

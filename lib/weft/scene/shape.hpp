@@ -44,6 +44,9 @@ class Shape {
   // is the geometric one, on the side that is looked at.
   virtual bool occludes(const Vector3& point, const Vector3& normal,
                         const Vector3& direction) const = 0;
+
+  // Bytes of host memory that it takes, where they are worth a plan.
+  virtual std::size_t bytes() const { return 0; }
 };
 
 // How often the material is repeated along u and v.

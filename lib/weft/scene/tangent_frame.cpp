@@ -21,6 +21,11 @@ Vector3 TangentFrame::to_local(const Vector3& direction) const {
   return {dot(direction, tangent), dot(direction, bitangent), dot(direction, normal)};
 }
 
+Vector3 TangentFrame::to_world(const Vector3& direction) const {
+  return sum(scaled(tangent, direction[0]),
+             sum(scaled(bitangent, direction[1]), scaled(normal, direction[2])));
+}
+
 TangentFrame tangent_frame(const SurfaceHit& hit, const Vector3& to_eye) {
   TangentFrame frame;
   frame.normal = hit.normal;

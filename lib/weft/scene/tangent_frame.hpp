@@ -11,6 +11,8 @@ struct TangentFrame {
 
   // A direction of the world in this frame.
   Vector3 to_local(const Vector3& direction) const;
+  // A direction of this frame in the world.
+  Vector3 to_world(const Vector3& direction) const;
 };
 
 // The frame of a hit that is seen from direction `to_eye`. The tangent is dp/du, made perpendicular

@@ -6,6 +6,7 @@
 #include <memory>
 #include <numeric>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -18,12 +19,15 @@
 #include "weft/model/tucker.hpp"
 #include "weft/ops/peak.hpp"
 #include "weft/reference/random.hpp"
+#include "weft/scene/light_sampling.hpp"
 
 namespace weft {
 namespace {
 
 constexpr std::size_t host_texels = 1000;
 constexpr std::size_t runs = 3;
+// Slices that lights are drawn from.
+constexpr std::size_t light_slices = 16384, host_light_slices = 128;
 
 // Random texel, view and light, a record each.
 std::vector<std::uint32_t> random_records(const BtfShape& shape, std::size_t count) {
@@ -103,6 +107,66 @@ std::optional<std::size_t> texel_operations(const Model& model) {
   return std::nullopt;
 }
 
+// Random views and texels; `each` queries of one of them follow each other, and views and texels
+// then go on by little, as those of a picture do.
+std::vector<LightQuery> light_queries(const BtfShape& shape, std::size_t count, std::size_t each) {
+  std::vector<LightQuery> queries(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint64_t slice = i / each;
+    const std::uint64_t value = reference::splitmix64(3, each > 1 ? slice / 64 : slice);
+    const double theta = static_cast<double>(value & 0xffff) / 65536 * 80;
+    const double phi = static_cast<double>(value >> 16 & 0xffff) / 65536 * 360;
+    const double step = each > 1 ? 0.05 * static_cast<double>(slice % 64) : 0;
+    queries[i].view = direction_from_degrees(theta + step, phi);
+    queries[i].texel = static_cast<std::uint32_t>(((value >> 32) + slice % 64) % shape.texels());
+  }
+  return queries;
+}
+
+// Directions drawn, and densities of directions, per second.
+void bench_sampler(LightSampler& sampler, const BtfShape& shape, std::size_t count, Report& report,
+                   const std::string& prefix) {
+  const auto rate = [](std::size_t queries, const auto& work) {
+    work();  // builds kernels and warms the caches
+    double least = 0;
+    for (std::size_t run = 0; run < runs; ++run) {
+      const auto start = std::chrono::steady_clock::now();
+      work();
+      const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
+      least = run == 0 ? time.count() : std::min(least, time.count());
+    }
+    return static_cast<double>(queries) / least;
+  };
+  constexpr std::size_t draws_of_slice = 64;
+  for (const std::size_t each : {std::size_t{1}, draws_of_slice}) {
+    const std::vector<LightQuery> queries =
+        light_queries(shape, each > 1 ? 16 * count : count, each);
+    std::vector<std::array<float, 2>> numbers;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      const std::uint64_t value = reference::splitmix64(4, i);
+      numbers.push_back({static_cast<float>(value >> 40) * 0x1p-24f,
+                         static_cast<float>(value & 0xffffff) * 0x1p-24f});
+    }
+    std::vector<DrawnLight> drawn(queries.size());
+    const std::string kind = prefix + (each > 1 ? "coherent_" : "");
+    report.add(kind + "samples",
+               rate(queries.size(), [&] { sampler.sample(queries, numbers, drawn); }), "/s");
+    std::vector<std::array<float, 3>> lights;
+    for (const DrawnLight& light : drawn) lights.push_back(light.direction);
+    std::vector<float> densities(queries.size());
+    report.add(kind + "densities",
+               rate(queries.size(), [&] { sampler.densities(queries, lights, densities); }), "/s");
+  }
+}
+
+void bench_lights(Device& device, const Codec& codec, const Model& model, Report& report) {
+  const BtfShape& shape = model.info.btf.shape;
+  Report& lights = report.section("lights");
+  bench_sampler(*codec.light_sampler(&device, model), shape, light_slices, lights, "");
+  bench_sampler(*codec.light_sampler(nullptr, model), shape, host_light_slices, lights,
+                "reference_");
+}
+
 }  // namespace
 
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report) {
@@ -118,8 +182,9 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
   const auto wanted = [&](std::string_view name) {
     return name.find(options.filter) != std::string_view::npos;
   };
-  if (!wanted("texel") && !wanted("images") && !wanted("look_ups")) {
-    fail_input("--filter {}: of a model, texel, images and look_ups are measured", options.filter);
+  if (!wanted("texel") && !wanted("images") && !wanted("look_ups") && !wanted("lights")) {
+    fail_input("--filter {}: of a model, texel, images, look_ups and lights are measured",
+               options.filter);
   }
   if (wanted("texel")) {
     report.add("texel_time", texel_seconds(*model) * 1e3, "ms");
@@ -148,6 +213,7 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
       images.add("of_bound", bound / times.least);
     }
   }
+  if (wanted("lights")) bench_lights(device, codec, *model, report);
   if (!wanted("look_ups")) return;
   const auto sampler = codec.sampler(device, *model);
   Report& lookups = report.section("look_ups");

@@ -25,6 +25,8 @@ struct ModelBenchOptions {
 //   images         all of them on the device, beside what their flops and bytes take at the peaks
 //   look_ups       random (texel, view, light) in one call, as they come and sorted by texel; and a
 //                  tenth as many of 4 texels, 3 views and 3 lights, random too
+//   lights         directions to light drawn, and densities of directions, on the device and by the
+//                  reference: each of a view and a texel of its own, and coherent, 64 of each
 void bench_model(Device& device, const ModelBenchOptions& options, Report& report);
 
 }  // namespace weft
