@@ -199,6 +199,8 @@ TEST(KctaModel, SelectionsOfAllViewsKeepTheGrid) {
   Selection views;
   views.views = {{1, 2, 3, 4}};
   EXPECT_EQ(model.select(views)->view_grid(), 0U);
+  views.views = {{0, 1, 2}};
+  EXPECT_EQ(model.select(views)->view_grid(), 0U);
 }
 
 // Divided by factors of views, a grid is by what lies between them: where a view of the grid is a
