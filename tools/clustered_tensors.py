@@ -27,7 +27,7 @@ TOTALS = (8, 16, 24, 32, 48, 64)
 OF_CLUSTER = 4
 LIGHTS = 20
 GRID = 256  # side of the resampled views
-FRAMES = 240
+FRAMES = 120
 
 
 def run(weft, *arguments):
@@ -146,7 +146,7 @@ def pictures(runs, source, name):
     """The frames of a turntable of a plane, as display values."""
     import matplotlib.image
     folder = runs.path(name)
-    runs.weft("render", source, "--shape", "plane", "--repeat", "1", "--size", "96", "--samples", "1",
+    runs.weft("render", source, "--shape", "plane", "--repeat", "1", "--size", "64", "--samples", "1",
               "--light", "0,0", "--exposure", "0", "--turntable", str(FRAMES), "-o", folder)
     return [matplotlib.image.imread(os.path.join(folder, file))[:, :, :3] for file in sorted(os.listdir(folder))]
 
@@ -165,7 +165,7 @@ def turntable_row(runs, material, kind):
         # the material itself, seen from close views, under the light that all sets have
         dense = runs.path("dense.safetensors")
         runs.weft("synth", "--material", material, "--size", str(side), "--samples", str(runs.options.samples),
-                  "--dtype", "u8", "--view-set", "4000", "--light-set", "1", "-o", dense)
+                  "--dtype", "u8", "--view-set", "1500", "--light-set", "1", "-o", dense)
         runs.originals[material] = pictures(runs, dense, f"originals-{material}")
     shown = pictures(runs, path, kind.replace(", ", "-"))
     errors = [one - other for one, other in zip(shown, runs.originals[material])]
