@@ -134,7 +134,7 @@ def rates_row(runs, material, codec):
     path, report = runs.model(material, options[codec])
     looked_up = runs.weft("bench", "--model", path, "--filter", "look_ups")["look_ups"]
     frames = runs.path("frames")
-    shown = runs.weft("render", path, "--size", "512", "--turntable", "6", "-o", frames)
+    shown = runs.weft("render", path, "--size", "512", "--samples", "1", "--light", "30,45", "--turntable", "4", "-o", frames)
     for name in os.listdir(frames):
         os.remove(os.path.join(frames, name))
     os.rmdir(frames)
