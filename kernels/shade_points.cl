@@ -85,11 +85,25 @@ __kernel void write_mask_lookups(ulong count, __global const uint* restrict list
   }
 }
 
-// masks[entry] = the values looked up, within [0, 1].
+// masks[entry] = (m, opacity): the values looked up, within [0, 1], which are both.
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void set_masks(ulong count, __global const uint* restrict list,
-                        __global const float* restrict values, __global float* restrict masks) {
-  EACH(i, count) masks[list[i]] = clamp(values[i], 0.0f, 1.0f);
+                        __global const float* restrict values, __global float2* restrict masks) {
+  EACH(i, count) masks[list[i]] = (float2)(clamp(values[i], 0.0f, 1.0f));
+}
+
+// The same of pairs of values: m and the opacity, or, where `mapped`, m and the O of eq. (26).
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void set_opacities(ulong count, __global const uint* restrict list,
+                            __global const float2* restrict values, uint mapped, float threshold,
+                            float weight, __global float2* restrict masks) {
+  EACH(i, count) {
+    const float2 value = values[i];
+    const float below = value.y > 0.0f ? fmin(weight * value.y, 1.0f) : 0.0f;
+    const float opacity = value.y >= threshold ? 1.0f : below;
+    masks[list[i]] =
+        (float2)(clamp(value.x, 0.0f, 1.0f), mapped ? opacity : clamp(value.y, 0.0f, 1.0f));
+  }
 }
 
 // light[entry] = share linear(value) factor irradiance, value: [count][CHANNELS].
@@ -98,7 +112,7 @@ __kernel void light_entries(ulong count, __global const uint* restrict list,
                             __global const uint* restrict point_of,
                             __global const float* restrict values,
                             __global const float* restrict share,
-                            __global const float* restrict masks,
+                            __global const float2* restrict masks,
                             __global const uint* restrict lights,
                             __global const float4* restrict irradiance,
                             __global float4* restrict light) {
@@ -106,12 +120,14 @@ __kernel void light_entries(ulong count, __global const uint* restrict list,
     const uint entry = list[i];
     const ulong sample = entry >> 1;
     const ulong slot = 2 * (ulong)point_of[sample] + (entry & 1);
-    const float mask = masks[slot];
+    const float mask = masks[slot].x, opacity = masks[slot].y;
     float linear_value[CHANNELS];
     for (uint c = 0; c < CHANNELS; ++c) {
       const float value = values[i * CHANNELS + c];
-      // Premultiplied values are decoded as if the material were everywhere.
-      linear_value[c] = value > 0.0f && mask > 0.0f ? mask * to_linear(value / mask) : 0.0f;
+      // Premultiplied values are decoded as if the material were everywhere. What a lossy model
+      // leaves in a hole is not made brighter than white.
+      const float whole = ENCODING ? fmin(value / mask, fmax(value, 1.0f)) : value / mask;
+      linear_value[c] = value > 0.0f && mask > 0.0f ? opacity * to_linear(whole) : 0.0f;
     }
     const float scale = as_float(lights[8 * sample + 6]), cosine = as_float(lights[8 * sample + 7]);
     const float factor = share[slot] * (BRDF ? fmax(cosine, 0.0f) : scale);
@@ -121,12 +137,13 @@ __kernel void light_entries(ulong count, __global const uint* restrict list,
   }
 }
 
-// radiance[point] = sum of its samples' entries, and its mask.
+// radiance[point] = sum of its samples' entries, and its opacity.
 //
 //   first: [points + 1]: the first light sample of each point
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void sum_points(ulong points, __global const uint* restrict first,
-                         __global const float* restrict share, __global const float* restrict masks,
+                         __global const float* restrict share,
+                         __global const float2* restrict masks,
                          __global const float4* restrict light, __global float4* restrict radiance) {
   EACH(i, points) {
     float4 sum = 0.0f;
@@ -135,8 +152,8 @@ __kernel void sum_points(ulong points, __global const uint* restrict first,
       sum += light[2 * (ulong)s];
       if (both) sum += light[2 * (ulong)s + 1];
     }
-    sum.w = share[2 * i] * masks[2 * i];
-    if (both) sum.w += share[2 * i + 1] * masks[2 * i + 1];
+    sum.w = share[2 * i] * masks[2 * i].y;
+    if (both) sum.w += share[2 * i + 1] * masks[2 * i + 1].y;
     radiance[i] = sum;
   }
 }

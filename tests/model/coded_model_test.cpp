@@ -208,7 +208,7 @@ TEST(CodedModel, ClaimsThatDoNotFitAreRefused) {
     SCOPED_TRACE(text);
     expect_edit_refused({"coded"}, [&](EditableModel& m) { m.metadata()["coded"] = text; });
   }
-  expect_edit_refused({"coded"}, [](EditableModel& m) { m.metadata().erase("coded"); });
+  expect_edit_refused({"no quantised"}, [](EditableModel& m) { m.metadata().erase("coded"); });
   // as an earlier version would read it
   expect_edit_refused({"mean.step", "no quantised"},
                       [](EditableModel& m) { m.metadata()["weft.format"] = "1"; });

@@ -8,6 +8,7 @@
 
 #include "weft/btf/btf.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/model/model.hpp"
 
 namespace weft {
 namespace {
@@ -23,9 +24,7 @@ std::string range_text(const std::vector<Direction>& directions) {
   return fmt::format("{} (theta {:.4g} to {:.4g} degrees)", directions.size(), low, high);
 }
 
-}  // namespace
-
-void add_btf_fields(Report& report, const BtfInfo& info) {
+void add_fields(Report& report, const BtfInfo& info, bool has_mask) {
   const BtfShape& s = info.shape;
   report.add("shape", Cell{fmt::format("V {} x L {} x Y {} x X {} x C {}", s.views, s.lights,
                                        s.height, s.width, s.channels),
@@ -51,9 +50,19 @@ void add_btf_fields(Report& report, const BtfInfo& info) {
     report.add("channel_names", Cell{fmt::format("{}", fmt::join(info.channel_names, ", ")),
                                      "[" + json.substr(1) + "]"});
   }
-  report.add("mask", !info.mask.empty());
+  report.add("mask", has_mask);
   if (!info.mask_distance.empty()) report.add("mask_distance", true);
   if (!info.source.empty()) report.add("source", info.source);
+}
+
+}  // namespace
+
+void add_btf_fields(Report& report, const BtfInfo& info) {
+  add_fields(report, info, !info.mask.empty());
+}
+
+void add_btf_fields(Report& report, const ModelInfo& info) {
+  add_fields(report, info.btf, !info.btf.mask.empty() || info.occlusion);
 }
 
 void add_error_fields(Report& report, const ErrorReport& errors) {

@@ -13,6 +13,7 @@
 #include "btf_report.hpp"
 #include "common.hpp"
 #include "job_report.hpp"
+#include "occlusion_options.hpp"
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
@@ -43,6 +44,7 @@ struct CompressOptions {
   bool ssim = false;
   std::string weights;
   bool log_error = false;
+  OcclusionOptions occlusion;
   SelectionOptions selection;
   DeviceOptions device;
   OutputOptions report;
@@ -143,6 +145,8 @@ void run_compress(const CompressOptions& options) {
   if (options.ssim || goal.kind == GoalKind::ssim) {
     check_ssim(source->info().shape.height, source->info().shape.width, 1.0);
   }
+  const std::optional<OcclusionRequest> occlusion =
+      make_occlusion_request(options.occlusion, source->info());
   if (!given) device = open_device(options.device, options.report);
 
   ReportedJob reported(options.device, options.report, "");  // stages count what they pass over
@@ -164,6 +168,10 @@ void run_compress(const CompressOptions& options) {
   request.may_widen = options.storage.empty();
   request.train = train;
   const Clock::time_point start = Clock::now();
+  if (given) request.occlusion = given->info.occlusion;
+  if (occlusion) {
+    request.occlusion = compress_occlusion(device.get(), source->info(), *occlusion, job);
+  }
   CodecChoice choice;
   if (!codec) {
     choice = compress_by_best(device.get(), *source, request, preference_of(options), job);
@@ -193,10 +201,11 @@ void run_compress(const CompressOptions& options) {
   report.add("selection",
              selection_cell(recorded_from_json(model->info.selection, options.output)));
   if (!model->info.weights.empty()) report.add("weights", json_cell(model->info.weights));
-  add_btf_fields(report, model->info.btf);
+  add_btf_fields(report, model->info);
   report.add("raw_size", bytes_cell(source->info().bytes()));
   report.add("file_size", bytes_cell(size));
   report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
+  add_occlusion_section(report, model->info);
   if (train) report.add("errors_against", options.input);
   Report& errors = report.section("errors");
   add_error_fields(errors, result.errors);
@@ -302,6 +311,7 @@ void add_compress(CLI::App& program, Action& action) {
       "--log-error", options->log_error,
       "Measure the errors of ln(1 + |x| / s) too, s the mean magnitude: relative ones "
       "of what is bright; always under --transform log and logluv");
+  add_occlusion_options(*command, options->occlusion);
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);
@@ -319,6 +329,7 @@ void add_compress(CLI::App& program, Action& action) {
       "  weft compress cloth.safetensors --region 0,0,64x64 --level 1 -o part.weft\n"
       "  weft compress copper.safetensors --transform log --rank 24 -o copper.weft\n"
       "  weft compress cloth.safetensors --views 'theta<=60' --lights 'theta<=60' -o upper.weft\n"
+      "  weft compress net.safetensors --occlusion 'tt --target rel=0.1' -o net.weft\n"
       "  weft compress cloth.safetensors --codec view-pca --target psnr=38 -o cloth.weft\n"
       "  weft compress cloth.safetensors --codec auto --target ratio=100 --prefer decode -o "
       "cloth.weft\n"

@@ -19,6 +19,7 @@
 #include "weft/btf/copy_images.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
+#include "weft/codecs/occlusion.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/error.hpp"
 #include "weft/io/image_folder.hpp"
@@ -111,10 +112,12 @@ void run_decompress(const DecompressOptions& options) {
 
   job.held.push_back({"model", 2 * tensor_bytes(*model)});
 
+  if (model->info.occlusion) job.held.push_back({"mask", decoded_mask_bytes(model->info)});
+
   // Levels above 0 and the reference's decoding go image by image.
   Selection level;
   level.level = selection.part.level;
-  BtfInfo info = select(model->info.btf, level);
+  BtfInfo info = select(with_decoded_mask(device.get(), model->info, job), level);
   info.source = selected_source(info.source, selection.whole);
   std::shared_ptr<TileSource> images;
   if (level.level != 0 || !device) {

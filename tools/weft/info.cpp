@@ -11,6 +11,7 @@
 #include "albedo_report.hpp"
 #include "btf_report.hpp"
 #include "common.hpp"
+#include "occlusion_options.hpp"
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
@@ -53,8 +54,8 @@ void describe_model(Report& report, const std::filesystem::path& path, bool albe
   const ModelFile model(path);
   // Reading it verifies that its tensors fit each other and its codec.
   const Codec& codec = find_codec(model.info().codec);
-  const std::unique_ptr<Model> read = codec.read(model);
-  const ModelInfo& info = model.info();
+  const std::unique_ptr<Model> read = read_model(model);
+  const ModelInfo& info = read->info;
   report.add("kind", "model");
   report.add("program_version", info.program_version);
   report.add("codec", info.codec);
@@ -63,7 +64,7 @@ void describe_model(Report& report, const std::filesystem::path& path, bool albe
   report.add("selection", selection_cell(recorded_from_json(info.selection, path.string())));
   add_transform_field(report, info.colour_transform);
   if (!info.weights.empty()) report.add("weights", json_cell(info.weights));
-  add_btf_fields(report, info.btf);
+  add_btf_fields(report, info);
   report.add("raw_size", bytes_cell(info.btf.bytes()));
   report.add("file_size", bytes_cell(model.size()));
   report.add("ratio", static_cast<double>(info.btf.bytes()) / static_cast<double>(model.size()));
@@ -72,6 +73,7 @@ void describe_model(Report& report, const std::filesystem::path& path, bool albe
   if (info.errors && info.errors->weighted) {
     add_weighted_fields(report.section("weighted_errors"), *info.errors->weighted);
   }
+  add_occlusion_section(report, info);
   add_tensor_table(report, model.file());
   if (albedo) add_albedo_table(report, info.btf, *codec.light_sampler(nullptr, *read));
 }

@@ -61,9 +61,37 @@ Material open_material(const std::string& file, const SelectionOptions& selectio
   return material;
 }
 
-std::unique_ptr<Shader> make_shader(const Material& material, Device* device, Job& job) {
-  return material.raw ? make_shader(device, material.raw, job)
-                      : make_shader(device, material.model, job);
+// How opacities are found from a model of the mask, or from a raw BTF's signed distances where that
+// is asked for; none where they are the interpolated mask.
+std::optional<VisibilityMapping> opacity_mapping(const Material& material,
+                                                 const RenderOptions& options) {
+  const Occlusion* const occlusion =
+      material.model ? material.model->info.occlusion.get() : nullptr;
+  const bool has_distances = material.raw && !material.raw->info().mask_distance.empty();
+  if (!occlusion && !has_distances) {
+    if (options.mapping.any()) {
+      fail_input("--occlusion-{}: '{}' has neither a model of a mask nor signed distances",
+                 options.mapping.threshold ? "threshold" : "weight", options.input);
+    }
+    return std::nullopt;
+  }
+  if (!occlusion && !options.mapping.any()) return std::nullopt;
+  return make_mapping(options.mapping,
+                      occlusion ? occlusion->mapping : default_mapping(OcclusionKind::distance));
+}
+
+// Of what is compared: as of the input, where both have signed distances.
+std::optional<VisibilityMapping> compared_mapping(const Material& input, const Material& compared,
+                                                  std::optional<VisibilityMapping> mapping) {
+  const Occlusion* const of_input = input.model ? input.model->info.occlusion.get() : nullptr;
+  if (compared.raw && of_input && of_input->kind == OcclusionKind::mask) return std::nullopt;
+  return mapping;
+}
+
+std::unique_ptr<Shader> make_shader(const Material& material, Device* device,
+                                    std::optional<VisibilityMapping> mapping, Job& job) {
+  return material.raw ? make_shader(device, material.raw, job, mapping)
+                      : make_shader(device, material.model, job, mapping);
 }
 
 // Makes the tables that lights are drawn from, where they are. Of two materials that are compared,
@@ -224,6 +252,7 @@ void run_render(const RenderOptions& options) {
   const Material input = open_material(options.input, options.selection);
   Material compared;
   if (!options.compare.empty()) compared = open_material(options.compare, {});
+  const std::optional<VisibilityMapping> mapping = opacity_mapping(input, options);
   std::optional<AtomicFolder> folder;
   if (frames > 0) folder.emplace(options.output, false);
   std::unique_ptr<Device> device = open_device(options.device, options.report);
@@ -239,7 +268,7 @@ void run_render(const RenderOptions& options) {
     job.held.push_back({"mesh", bytes});
   }
   const Clock::time_point start = Clock::now();
-  std::unique_ptr<Shader> material = make_shader(input, device.get(), job);
+  std::unique_ptr<Shader> material = make_shader(input, device.get(), mapping, job);
   draw_lights_by(*material, scene, job);
 
   Finish finish(request);
@@ -260,7 +289,9 @@ void run_render(const RenderOptions& options) {
     finish.apply(picture);
     if (!options.compare.empty()) {
       material.reset();  // two may not fit
-      Picture original = render(scene, *make_shader(compared, device.get(), job), job);
+      const auto shader =
+          make_shader(compared, device.get(), compared_mapping(input, compared, mapping), job);
+      Picture original = render(scene, *shader, job);
       finish.apply(original);
       const StageTimer timer(job, "compare");
       comparison = compare_pictures(picture, original, finish.tone());
@@ -286,6 +317,10 @@ void run_render(const RenderOptions& options) {
   if (scene.environment.map) report.add("sampling", options.sampling);
   if (options.noise) report.add("noise", noise);
   report.add("exposure", finish.tone().exposure, "stops");
+  if (mapping) {
+    report.add("occlusion_threshold", mapping->threshold);
+    report.add("occlusion_weight", mapping->weight);
+  }
   if (!options.compare.empty()) {
     report.add("compared_with", options.compare);
     report.add("original", outputs.original.string());
@@ -310,6 +345,7 @@ void add_render(CLI::App& program, Action& action) {
   CLI::App* command = program.add_subcommand(
       "render", "Render a material on a plane, a sphere, a draped cloth or a mesh");
   add_render_options(*command, *options);
+  add_mapping_options(*command, options->mapping);
   add_selection_options(*command, options->selection);
   add_device_options(*command, options->device);
   add_output_options(*command, options->report);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common.hpp"
+#include "occlusion_options.hpp"
 #include "selection_options.hpp"
 #include "weft/scene/picture.hpp"
 #include "weft/scene/scene.hpp"
@@ -53,6 +54,7 @@ struct RenderOptions {
   std::size_t turntable = 0, light_sweep = 0;  // frames; 0: one picture
   std::string format = "png";                  // of frames
 
+  MappingOptions mapping;
   SelectionOptions selection;  // of the material
   DeviceOptions device;
   OutputOptions report;

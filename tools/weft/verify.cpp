@@ -16,11 +16,13 @@
 #include "report.hpp"
 #include "selection_options.hpp"
 #include "subcommand.hpp"
+#include "verify_mask.hpp"
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
 #include "weft/codecs/decoded_source.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
+#include "weft/codecs/occlusion.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/device/tile_stream.hpp"
 #include "weft/error.hpp"
@@ -227,6 +229,7 @@ void run_verify(const VerifyOptions& options) {
   MemoryPlan plan;
   plan.add("model on the device", codec.decoder_bytes(*model));
   plan.add("decoded images", run_values * (2 * sizeof(float) + 3 * sizeof(double)));
+  if (model->info.occlusion) plan.add("mask", 2 * decoded_mask_bytes(model->info));
   job.plan(plan);
 
   // the device's errors first: they give the peak
@@ -293,6 +296,9 @@ void run_verify(const VerifyOptions& options) {
   check.add("rms_in_tolerances", unit > 0 ? difference.rms() / unit : 0.0);
   check.add("allowed_tolerances", options.tolerance);
   check.add("agree", agree);
+  const BtfInfo* const raw_info = raw ? &raw->info() : nullptr;
+  const MaskCheck mask =
+      verify_mask(*device, *model, level, raw_info, whole, options.tolerance, report, job);
 
   bool as_recorded = true;
   if (raw) {
@@ -338,6 +344,7 @@ void run_verify(const VerifyOptions& options) {
       report.add("log_scale", *log_scale);
       report.table("log_errors", {"decoded_by", "log_rmse", "log_snr"}, std::move(log_rows));
     }
+    as_recorded = as_recorded && mask.as_recorded;
     if (whole) report.add("as_recorded", as_recorded);
   }
   reported.finish_progress();
@@ -345,6 +352,10 @@ void run_verify(const VerifyOptions& options) {
   add_device_fields(report, device);
   report.print(options.report);
 
+  if (!mask.agree) {
+    fail(ErrorKind::unmet_goal,
+         "{}: device and reference differ in what the model of the mask decodes to", options.model);
+  }
   if (!agree) {
     fail(ErrorKind::unmet_goal,
          "device and reference differ by {:.4g}, {:.4g} times the tolerance of {:.4g}; allowed are "

@@ -220,6 +220,7 @@ class Trials {
     quiet_.nan_zero = job.nan_zero;
     request_.ssim = false;
     request_.selection = "{}";
+    request_.occlusion = nullptr;  // that of the whole is none of a part
     request_.weights = select(request.weights, source.info(), part);
     // the peak is that of all the data
     const bool of_peak = request.goal.kind == GoalKind::psnr || request.goal.kind == GoalKind::ssim;

@@ -17,6 +17,7 @@
 #include "weft/codecs/view_pca.hpp"
 #include "weft/error.hpp"
 #include "weft/model/channel_part.hpp"
+#include "weft/model/occlusion.hpp"
 #include "weft/reference/light_sampler.hpp"
 #include "weft/reference/lookup.hpp"
 
@@ -37,6 +38,31 @@ std::vector<std::size_t> chosen_of(std::span<const std::size_t> of,
   return result;
 }
 
+// The part of a model of a mask that belongs to a selection of what it is the mask of.
+std::shared_ptr<const Occlusion> select_occlusion(std::shared_ptr<const Occlusion> occlusion,
+                                                  const Selection& selection) {
+  if (!occlusion || (!selection.views && !selection.region)) return occlusion;
+  Selection of_mask;
+  of_mask.views = selection.views;
+  of_mask.region = selection.region;
+  auto selected = std::make_shared<Occlusion>(*occlusion);
+  const Model& whole = *occlusion->model;
+  selected->model = find_codec(whole.info.codec).select(whole, of_mask);
+  return selected;
+}
+
+// A model with the codec that its file names, without that of its mask.
+std::unique_ptr<Model> read_values(const ModelFile& file) {
+  const auto table = codecs();
+  const auto known = std::find_if(table.begin(), table.end(), [&](const Codec* codec) {
+    return codec->name() == file.info().codec;
+  });
+  if (known == table.end()) {
+    file.reject(fmt::format("codec '{}' is not one of this version", file.info().codec));
+  }
+  return (*known)->read(file);
+}
+
 }  // namespace
 
 std::unique_ptr<NestedModels> Codec::nested(Device* /*device*/, TileSource& /*source*/,
@@ -46,6 +72,12 @@ std::unique_ptr<NestedModels> Codec::nested(Device* /*device*/, TileSource& /*so
 }
 
 std::unique_ptr<Model> Codec::select(const Model& model, const Selection& selection) const {
+  std::unique_ptr<Model> selected = select_values(model, selection);
+  selected->info.occlusion = select_occlusion(model.info.occlusion, selection);
+  return selected;
+}
+
+std::unique_ptr<Model> Codec::select_values(const Model& model, const Selection& selection) const {
   const ChannelPart* part = as_part(model);
   const Model& whole = part ? part->whole() : model;
   const ColourTransform& transform = whole.info.colour_transform;
@@ -139,7 +171,10 @@ std::unique_ptr<Model> Codec::next_mip_level(const Model& model) const {
         std::move(next),
         std::vector<std::size_t>(part->channels().begin(), part->channels().end()));
   }
-  return model.info.colour_transform.is_linear() ? fitted_mip_level(model) : nullptr;
+  if (!model.info.colour_transform.is_linear()) return nullptr;
+  std::unique_ptr<Model> next = fitted_mip_level(model);
+  if (next) next->info.occlusion = nullptr;
+  return next;
 }
 
 double Codec::decode_tolerance(const Model& model) const {
@@ -201,15 +236,17 @@ const Codec& find_codec(std::string_view name) {
 }
 
 std::unique_ptr<Model> read_model(const std::filesystem::path& path) {
-  const ModelFile file(path);
-  const auto table = codecs();
-  const auto known = std::find_if(table.begin(), table.end(), [&](const Codec* codec) {
-    return codec->name() == file.info().codec;
-  });
-  if (known == table.end()) {
-    file.reject(fmt::format("codec '{}' is not one of this version", file.info().codec));
+  return read_model(ModelFile(path));
+}
+
+std::unique_ptr<Model> read_model(const ModelFile& file) {
+  std::unique_ptr<Model> model = read_values(file);
+  if (file.has_occlusion()) {
+    auto occlusion = std::make_shared<Occlusion>(file.occlusion());
+    occlusion->model = read_values(file.occlusion_model());
+    model->info.occlusion = std::move(occlusion);
   }
-  return (*known)->read(file);
+  return model;
 }
 
 std::size_t count_parameter(const Codec& codec, const Parameters& parameters, std::string_view name,

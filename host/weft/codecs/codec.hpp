@@ -102,7 +102,7 @@ class Codec {
                                                const NestedRequest& request, Job& job) const;
 
   // The part of a model that decodes to a selection (without its mip level, which is taken of
-  // decoded images); the model itself is not changed.
+  // decoded images), with that of the model of its mask; the model itself is not changed.
   std::unique_ptr<Model> select(const Model& model, const Selection& selection) const;
 
   std::unique_ptr<DeviceDecoder> decoder(Device& device, const Model& model) const;
@@ -124,7 +124,7 @@ class Codec {
 
   // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
   // is exact in the model itself, as it needs a linear encoding and colour transform; else null:
-  // levels are then taken of decoded images.
+  // levels are then taken of decoded images. A model of the mask is left out.
   std::unique_ptr<Model> next_mip_level(const Model& model) const;
 
   // Bound of |device - reference| for one decoded value, from the lengths and magnitudes of the
@@ -138,6 +138,7 @@ class Codec {
   // above put the inverse of the model's colour transform behind it.
   virtual std::unique_ptr<Model> fitted_part(const Model& model,
                                              const Selection& selection) const = 0;
+  std::unique_ptr<Model> select_values(const Model& model, const Selection& selection) const;
   virtual std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device,
                                                         const Model& model) const = 0;
   virtual std::size_t fitted_decoder_bytes(const Model& model) const = 0;
@@ -168,8 +169,9 @@ std::span<const Codec* const> codecs();
 // Throws an input error that lists the names if there is none of that name.
 const Codec& find_codec(std::string_view name);
 
-// Opens a `.weft` file with the codec it names.
+// Opens a `.weft` file with the codec it names, and the model of its mask with that one's.
 std::unique_ptr<Model> read_model(const std::filesystem::path& path);
+std::unique_ptr<Model> read_model(const ModelFile& file);
 
 // A parameter's value as a whole number of at least `least`. Throws an input error that names the
 // option and the value.

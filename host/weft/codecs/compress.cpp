@@ -9,6 +9,7 @@
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
 #include "weft/codecs/meet_goal.hpp"
+#include "weft/codecs/occlusion.hpp"
 #include "weft/codecs/store_model.hpp"
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/weighted_fit.hpp"
@@ -24,6 +25,29 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
+
+// A source without its mask, for which a model stands.
+class UnmaskedSource final : public TileSource {
+ public:
+  explicit UnmaskedSource(TileSource& source) : source_(source), info_(source.info()) {
+    info_.mask.clear();
+    info_.mask_distance.clear();
+  }
+  const BtfInfo& info() const override { return info_; }
+  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
+    source_.read(first, count, out);
+  }
+  std::span<const float> texel_scale() const override { return source_.texel_scale(); }
+  std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
+    return source_.mapped(first, count);
+  }
+  void prefetch(std::size_t first, std::size_t count) override { source_.prefetch(first, count); }
+  void release(std::size_t first, std::size_t count) override { source_.release(first, count); }
+
+ private:
+  TileSource& source_;
+  BtfInfo info_;
+};
 
 // What of the source is fitted.
 ColourTransform colour_transform(TileSource& source, const CompressRequest& request, Job& job) {
@@ -73,6 +97,7 @@ class Prepared {
     if (!request_.train) info.btf.dtype = source_.info().dtype;
     info.selection = request_.train ? request_.train->info.selection : request_.selection;
     info.weights = request_.weights_json;
+    info.occlusion = request_.occlusion;
     info.program_version = version();
     if (!request_.goal) return;
     // a member of the object that is there
@@ -148,6 +173,16 @@ double value_bytes(const StorageRequest& storage) {
   return 2;
 }
 
+// A codec's own goal, "rel=EPS" or "size=BYTES", for the values alone where a model of the mask is
+// a part of the file.
+std::string without_mask(const std::string& target, const CompressRequest& request) {
+  constexpr std::string_view size = "size=";
+  if (!request.occlusion || !target.starts_with(size)) return target;
+  const double bytes = std::stod(target.substr(size.size()));
+  const auto mask = static_cast<double>(occlusion_file_size(*request.occlusion));
+  return fmt::format("size={:.0f}", std::max(bytes - mask, 1.0));
+}
+
 // The model that meets the request's goal.
 GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest& request,
                 Job& job) {
@@ -172,7 +207,7 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
   };
   steps.encode = [&](const std::string& target) {
     Parameters parameters = request.parameters;
-    parameters["target"] = target;
+    parameters["target"] = without_mask(target, request);
     return fit(device, prepared, request, parameters, job);
   };
   StorageBound bound;
@@ -217,6 +252,10 @@ void check_parameters(const Codec& codec, const Parameters& parameters) {
 
 CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
                         Job& job) {
+  if (request.occlusion && !source.info().mask.empty()) {
+    UnmaskedSource unmasked(source);
+    return compress(device, unmasked, request, job);
+  }
   check_parameters(*request.codec, request.parameters);
   if (request.goal && !request.codec->takes_goals()) {
     fail_input("--target {}: codec {} takes no goals", request.goal.text, request.codec->name());

@@ -29,6 +29,8 @@ struct CompressRequest {
   bool log_error = false;  // on a logarithmic scale too; always where a logarithm is fitted
   Goal goal;               // what is to be reached, if anything
   bool may_widen = false;  // whether f32 may take the place of f16 where that misses the goal
+  // The model of the source's mask, which the model then holds instead of the mask.
+  std::shared_ptr<const Occlusion> occlusion;
   // A tensor train that is cut further instead of fitting one: the source is what it decodes to.
   std::shared_ptr<const TtModel> train;
 };

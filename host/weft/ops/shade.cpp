@@ -92,6 +92,15 @@ void set_masks(Device& device, std::size_t count, const Buffer& list, const Buff
   launch_entries(device, kernel, count);
 }
 
+void set_opacities(Device& device, std::size_t count, const Buffer& list, const Buffer& values,
+                   const VisibilityMapping* mapping, ShadeTables& tables) {
+  const cl_kernel kernel = shade_kernel(device, "set_opacities");
+  const VisibilityMapping used = mapping ? *mapping : VisibilityMapping{};
+  set_arguments(kernel, ulong(count), list, values, cl_uint{mapping ? 1u : 0u},
+                static_cast<float>(used.threshold), static_cast<float>(used.weight), tables.masks);
+  launch_entries(device, kernel, count);
+}
+
 void light_entries(Device& device, const BtfInfo& info, std::size_t count, const Buffer& list,
                    const Buffer& values, ShadeTables& tables) {
   const cl_kernel kernel = shade_kernel(device, "light_entries", &info);

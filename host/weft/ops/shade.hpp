@@ -6,6 +6,7 @@
 #include "weft/btf/btf.hpp"
 #include "weft/btf/hemisphere.hpp"
 #include "weft/device/device.hpp"
+#include "weft/model/occlusion.hpp"
 
 namespace weft::ops {
 
@@ -34,7 +35,7 @@ inline constexpr std::size_t texel_tap_words = 8;
 struct ShadeTables {
   Buffer taps;        // [points][2][8] words
   Buffer share;       // [points][2] floats
-  Buffer masks;       // [points][2] floats, 1 where there is no mask
+  Buffer masks;       // [points][2] pairs of floats, m and the opacity: 1 where there is no mask
   Buffer views;       // [points][8] words
   Buffer grid_views;  // [points] uint, where a level has a grid of views
   Buffer first;       // [points + 1] uint
@@ -53,6 +54,9 @@ void write_mask_lookups(Device& device, std::size_t count, const Buffer& list,
 // Takes the values that were looked up, of the mask, or of a material that `info` describes.
 void set_masks(Device& device, std::size_t count, const Buffer& list, const Buffer& values,
                ShadeTables& tables);
+// Of pairs of values: m and the opacity, or, with a mapping, m and what it maps.
+void set_opacities(Device& device, std::size_t count, const Buffer& list, const Buffer& values,
+                   const VisibilityMapping* mapping, ShadeTables& tables);
 void light_entries(Device& device, const BtfInfo& info, std::size_t count, const Buffer& list,
                    const Buffer& values, ShadeTables& tables);
 // radiance: [points][4] floats

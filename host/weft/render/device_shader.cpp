@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -38,6 +39,7 @@ struct DeviceMaterial {
   std::size_t grid_side = 0;    // of the models' grid of views, or 0
   std::size_t grid_levels = 0;  // that look up in it: those of models
   Samplers mask_levels;         // empty without a mask
+  std::optional<VisibilityMapping> mapping;
   std::shared_ptr<const Model> model;
   std::size_t batch = resident_batch;
   std::size_t bytes = 0;
@@ -99,13 +101,15 @@ class DeviceShader final : public Shader {
   // What is uploaded of a run; kept, so that its memory is.
   struct HostTables {
     std::vector<Float4> views, lights, irradiance;
-    std::vector<float> share, masks;
+    std::vector<float> share;
+    std::vector<std::array<float, 2>> masks;
     std::vector<std::uint32_t> first, point_of, grid_views;
     std::vector<TexelTaps> taps;
 
     void clear() {
       for (auto* list : {&views, &lights, &irradiance}) list->clear();
-      for (auto* list : {&share, &masks}) list->clear();
+      share.clear();
+      masks.clear();
       for (auto* list : {&first, &point_of, &grid_views}) list->clear();
       taps.clear();
     }
@@ -169,7 +173,7 @@ class DeviceShader final : public Shader {
         const bool used = shares[slot] > 0;
         const std::size_t level = mip.level + slot;
         host.share.push_back(shares[slot]);
-        host.masks.push_back(1);
+        host.masks.push_back({1, 1});
         host.taps.push_back(
             used ? texel_taps(point.uv, mip_side(shape.height, level), mip_side(shape.width, level))
                  : TexelTaps{});
@@ -184,7 +188,7 @@ class DeviceShader final : public Shader {
 
     write(tables_.taps, std::span<const TexelTaps>(host.taps), "texels of points");
     write(tables_.share, std::span<const float>(host.share), "shares of levels");
-    write(tables_.masks, std::span<const float>(host.masks), "masks of points");
+    write(tables_.masks, std::span<const std::array<float, 2>>(host.masks), "masks of points");
     write(tables_.first, std::span<const std::uint32_t>(host.first), "light samples of points");
     write(tables_.point_of, std::span<const std::uint32_t>(host.point_of),
           "points of light samples");
@@ -220,10 +224,16 @@ class DeviceShader final : public Shader {
     const std::size_t count = entries.size();
     write(list_, std::span<const std::uint32_t>(entries), "entries of a level");
     reserve(device_, lookups_, count * lookup.words() * sizeof(std::uint32_t), "look-ups");
-    reserve(device_, values_, count * sizeof(float), "values looked up");
+    const std::size_t channels = material_.mapping ? 2 : 1;
+    reserve(device_, values_, count * channels * sizeof(float), "values looked up");
     ops::write_mask_lookups(device_, count, list_, tables_, lookups_);
     material_.mask_levels[level]->look_up(lookup, count, lookups_, values_);
-    ops::set_masks(device_, count, list_, values_, tables_);
+    if (material_.mapping) {
+      ops::set_opacities(device_, count, list_, values_, level == 0 ? &*material_.mapping : nullptr,
+                         tables_);
+    } else {
+      ops::set_masks(device_, count, list_, values_, tables_);
+    }
     device_.finish();
   }
 
@@ -266,20 +276,22 @@ class DeviceShader final : public Shader {
 // What is common to raw materials and models: `plan` holds what the finest levels take.
 class MaterialMaker {
  public:
-  MaterialMaker(Device& device, const BtfInfo& info, Job& job)
+  MaterialMaker(Device& device, const BtfInfo& info, const Opacity* opacity, Job& job)
       : device_(device), job_(job), levels_(mip_levels(info.shape)) {
     material_.info = info;
     material_.info.mask.clear();
-    mask_ = mask_source(info);
+    material_.info.mask_distance.clear();
+    if (opacity) material_.mapping = opacity->mapping;
+    const MaskSources masks = mask_sources(info, opacity);
     material_.batch =
         std::clamp(job.memory / 4 / (point_bytes + sample_bytes), least_batch, resident_batch);
     plan_.add("batch of light samples", batch_bytes(material_.batch));
-    if (mask_) {
-      plan_.add("mask", 2 * mask_->info().bytes());
-      mask_images_ = source_images(device_, mask_);
-      mask_plan_ = plan_raw_levels(device_, *mask_images_, 0, levels_, job_.memory);
-      plan_.add("mask on the device", mask_plan_.resident_bytes + mask_plan_.streaming_bytes);
-    }
+    if (!masks.finest) return;
+    plan_.add("mask", 2 * masks.finest->info().bytes());
+    // one source for all levels, where it is one
+    const std::size_t own = masks.finest == masks.coarser ? levels_ : 1;
+    add_mask_levels(masks.finest, 0, own);
+    if (own < levels_) add_mask_levels(masks.coarser, own, levels_);
   }
 
   // A model's levels before those of images.
@@ -331,7 +343,11 @@ class MaterialMaker {
         material_.levels.push_back(std::move(sampler));
       }
     }
-    if (mask_) material_.mask_levels = raw_samplers(device_, mask_images_, 0, levels_, mask_plan_);
+    for (const MaskLevels& mask : masks_) {
+      for (auto& sampler : raw_samplers(device_, mask.images, mask.first, mask.end, mask.plan)) {
+        material_.mask_levels.push_back(std::move(sampler));
+      }
+    }
     device_.finish();
     return std::make_unique<DeviceShader>(device_, std::move(material_));
   }
@@ -339,6 +355,22 @@ class MaterialMaker {
   bool complete() const { return pending_.size() == levels_; }
 
  private:
+  // Levels [first, end) of images of a mask.
+  struct MaskLevels {
+    std::shared_ptr<ImageStream> images;
+    std::size_t first = 0;
+    std::size_t end = 0;
+    RawLevelsPlan plan;
+  };
+
+  void add_mask_levels(const std::shared_ptr<TileSource>& source, std::size_t first,
+                       std::size_t end) {
+    MaskLevels mask{source_images(device_, source), first, end, {}};
+    mask.plan = plan_raw_levels(device_, *mask.images, first, end, job_.memory);
+    plan_.add("mask on the device", mask.plan.resident_bytes + mask.plan.streaming_bytes);
+    masks_.push_back(std::move(mask));
+  }
+
   // What the plan and what the caller holds leave of the memory.
   std::size_t room() const {
     std::size_t taken = plan_.total();
@@ -358,9 +390,7 @@ class MaterialMaker {
   Job& job_;
   std::size_t levels_;
   DeviceMaterial material_;
-  std::shared_ptr<TileSource> mask_;
-  std::shared_ptr<ImageStream> mask_images_;
-  RawLevelsPlan mask_plan_;
+  std::vector<MaskLevels> masks_;
   std::vector<std::shared_ptr<const Model>> pending_;
   MemoryPlan plan_;
 };
@@ -368,14 +398,14 @@ class MaterialMaker {
 }  // namespace
 
 std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<TileSource> raw,
-                                           Job& job) {
-  MaterialMaker maker(device, raw->info(), job);
+                                           const Opacity* opacity, Job& job) {
+  MaterialMaker maker(device, raw->info(), opacity, job);
   return maker.finish(source_images(device, std::move(raw)));
 }
 
 std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<const Model> model,
-                                           Job& job) {
-  MaterialMaker maker(device, model->info.btf, job);
+                                           const BtfInfo& info, const Opacity* opacity, Job& job) {
+  MaterialMaker maker(device, info, opacity, job);
   maker.add_model(model);
   if (maker.complete()) return maker.finish(nullptr);
   return maker.finish(decoded_images(device, std::move(model)));

@@ -9,10 +9,11 @@
 
 namespace weft {
 
-// Materials that validate_material() accepts.
+// Materials that validate_material() accepts, with opacities if they are not null. `info`: of the
+// model, with its mask decoded.
 std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<TileSource> raw,
-                                           Job& job);
+                                           const Opacity* opacity, Job& job);
 std::unique_ptr<Shader> make_device_shader(Device& device, std::shared_ptr<const Model> model,
-                                           Job& job);
+                                           const BtfInfo& info, const Opacity* opacity, Job& job);
 
 }  // namespace weft

@@ -5,6 +5,7 @@
 
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/decoded_source.hpp"
+#include "weft/codecs/occlusion.hpp"
 #include "weft/reference/lookup.hpp"
 #include "weft/reference/shade.hpp"
 #include "weft/render/device_shader.hpp"
@@ -40,7 +41,7 @@ std::unique_ptr<ReferenceSampler> sampler_of(std::shared_ptr<const Model> model)
 
 using Samplers = std::vector<std::unique_ptr<ReferenceSampler>>;
 
-// Levels [samplers.size(), mip_levels) of a source, the first of which it is itself.
+// Levels [samplers.size(), levels) of a source, the level of that number it is itself.
 void add_levels(std::shared_ptr<TileSource> source, std::size_t levels, Samplers& samplers) {
   while (samplers.size() < levels) {
     samplers.push_back(sampler_of(source));
@@ -48,27 +49,52 @@ void add_levels(std::shared_ptr<TileSource> source, std::size_t levels, Samplers
   }
 }
 
-Samplers mask_samplers(const BtfInfo& info) {
+Samplers mask_samplers(const BtfInfo& info, const Opacity* opacity) {
   Samplers samplers;
-  if (auto mask = mask_source(info)) add_levels(std::move(mask), mip_levels(info.shape), samplers);
+  const MaskSources masks = mask_sources(info, opacity);
+  if (!masks.finest) return samplers;
+  samplers.push_back(sampler_of(masks.finest));
+  const std::size_t levels = mip_levels(info.shape);
+  if (levels > 1) add_levels(next_mip_level(masks.coarser), levels, samplers);
   return samplers;
+}
+
+std::unique_ptr<Shader> reference_shader(const BtfInfo& info, Samplers samplers,
+                                         const Opacity* opacity,
+                                         reference::LevelsOfGrid grid = {}) {
+  std::optional<VisibilityMapping> mapping;
+  if (opacity) mapping = opacity->mapping;
+  return reference::make_shader(info, std::move(samplers), mask_samplers(info, opacity), mapping,
+                                grid);
 }
 
 }  // namespace
 
-std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<TileSource> raw, Job& job) {
+std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<TileSource> raw, Job& job,
+                                    std::optional<VisibilityMapping> mapping) {
   validate_material(raw->info());
-  if (device) return make_device_shader(*device, std::move(raw), job);
   const BtfInfo info = raw->info();
+  std::optional<Opacity> opacity;
+  if (mapping && !info.mask_distance.empty()) opacity = Opacity{*mapping, info.mask_distance};
+  const Opacity* const used = opacity ? &*opacity : nullptr;
+  if (device) return make_device_shader(*device, std::move(raw), used, job);
   Samplers samplers;
   add_levels(std::move(raw), mip_levels(info.shape), samplers);
-  return reference::make_shader(info, std::move(samplers), mask_samplers(info));
+  return reference_shader(info, std::move(samplers), used);
 }
 
-std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model> model, Job& job) {
+std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model> model, Job& job,
+                                    std::optional<VisibilityMapping> mapping) {
   validate_material(model->info.btf);
-  if (device) return make_device_shader(*device, std::move(model), job);
-  const BtfInfo info = model->info.btf;
+  BtfInfo info = model->info.btf;
+  std::optional<Opacity> opacity;
+  if (const Occlusion* occlusion = model->info.occlusion.get()) {
+    opacity =
+        Opacity{mapping.value_or(occlusion->mapping), decode_occlusion(device, *occlusion, job)};
+    info = with_mask(info, occlusion->kind, opacity->values);
+  }
+  const Opacity* const used = opacity ? &*opacity : nullptr;
+  if (device) return make_device_shader(*device, std::move(model), info, used, job);
   const Codec& codec = find_codec(model->info.codec);
   const std::size_t levels = mip_levels(info.shape);
   const std::size_t grid_side = model->view_grid();
@@ -86,7 +112,7 @@ std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model>
     // the codec has no levels of its own: those of its images
     add_levels(next_mip_level(decoded_source(nullptr, std::move(model))), levels, samplers);
   }
-  return reference::make_shader(info, std::move(samplers), mask_samplers(info), grid);
+  return reference_shader(info, std::move(samplers), used, grid);
 }
 
 }  // namespace weft

@@ -96,19 +96,28 @@ std::span<const std::byte> btf_side_values(const BtfInfo& info, std::string_view
   return std::as_bytes(std::span(info.mask));
 }
 
-void get_btf_side_tensors(const SafetensorsFile& file, BtfInfo& info) {
-  const BtfShape& shape = info.shape;
-  info.view_directions = read_directions(file, "view_directions", shape.views);
-  info.light_directions = read_directions(
-      file, "light_directions", info.layout == Layout::paired ? shape.views : shape.lights);
-  info.mask.clear();
-  if (file.find("mask") != nullptr) {
-    const TensorInfo& mask =
-        checked_tensor(file, "mask", DType::u8, {shape.views, shape.height, shape.width});
-    info.mask.resize(mask.bytes());
-    std::memcpy(info.mask.data(), file.data(mask).data(), mask.bytes());
-  }
+void get_directions(const SafetensorsFile& file, BtfInfo& info) {
+  info.view_directions = read_directions(file, "view_directions", info.shape.views);
+  info.light_directions =
+      read_directions(file, "light_directions",
+                      info.layout == Layout::paired ? info.shape.views : info.shape.lights);
   validate(info, file.path().string());
+}
+
+void get_mask(const SafetensorsFile& file, BtfInfo& info) {
+  info.mask.clear();
+  if (file.find("mask") == nullptr) return;
+  const BtfShape& shape = info.shape;
+  const TensorInfo& mask =
+      checked_tensor(file, "mask", DType::u8, {shape.views, shape.height, shape.width});
+  info.mask.resize(mask.bytes());
+  std::memcpy(info.mask.data(), file.data(mask).data(), mask.bytes());
+  validate(info, file.path().string());
+}
+
+void get_btf_side_tensors(const SafetensorsFile& file, BtfInfo& info) {
+  get_directions(file, info);
+  get_mask(file, info);
 }
 
 TensorInfo mask_distance_tensor(const BtfInfo& info) {
@@ -127,7 +136,10 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info) {
 
 void check_format_version(const SafetensorsFile& file, std::string_view newest) {
   const std::string_view found = file.value("weft.format");
-  if (found.empty() || found == file_format_version || found == newest) return;
+  const auto known = [&](std::string_view version) {
+    return version.size() == 1 && version >= file_format_version && version <= newest;
+  };
+  if (found.empty() || known(found)) return;
   const bool number =
       std::all_of(found.begin(), found.end(), [](char c) { return c >= '0' && c <= '9'; });
   if (!number) {
@@ -138,7 +150,7 @@ void check_format_version(const SafetensorsFile& file, std::string_view newest) 
       "{}: weft.format {} (written by version {}) is not read by this version, which reads {}",
       file.path().string(), shown(found), shown(file.value("weft.version")),
       newest == file_format_version ? std::string(newest)
-                                    : fmt::format("{} and {}", file_format_version, newest));
+                                    : fmt::format("{} to {}", file_format_version, newest));
 }
 
 }  // namespace weft

@@ -23,8 +23,12 @@ std::vector<TensorInfo> btf_side_tensors(const BtfInfo& info);
 // The values of one of them.
 std::span<const std::byte> btf_side_values(const BtfInfo& info, std::string_view tensor);
 
-// Fills directions and mask of `info` from a file and validates the whole. Shape, dtype and layout
-// of `info` are set.
+// Fills directions of `info` from a file and validates the whole. Shape, dtype and layout of `info`
+// are set.
+void get_directions(const SafetensorsFile& file, BtfInfo& info);
+// Likewise the mask, if the file has one.
+void get_mask(const SafetensorsFile& file, BtfInfo& info);
+// Both.
 void get_btf_side_tensors(const SafetensorsFile& file, BtfInfo& info);
 
 // mask_distance [V,Y,X] as F32, which raw files may have beside the mask and models have not.
@@ -36,8 +40,10 @@ void get_mask_distance(const SafetensorsFile& file, BtfInfo& info);
 inline constexpr const char* file_format_version = "1";
 // That of models with entropy-coded tensors.
 inline constexpr const char* coded_format_version = "2";
-// Throws an input error for a file whose `weft.format` is neither the first nor `newest`, the
-// newest of its kind, naming all.
+// That of models with a packed mask, or a model of it.
+inline constexpr const char* mask_format_version = "3";
+// Throws an input error for a file whose `weft.format` is none from the first to `newest`, the
+// newest of its kind, naming them.
 void check_format_version(const SafetensorsFile& file, std::string_view newest);
 
 }  // namespace weft

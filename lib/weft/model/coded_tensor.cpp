@@ -95,7 +95,7 @@ CodedTensor read_tensor(const json& entry, const std::string& where) {
     } else if (key == "layout") {
       const std::optional<CodeLayout> layout =
           value.is_string() ? code_layout_from_name(value.get<std::string>()) : std::nullopt;
-      if (!layout) fail_input("{}: \"layout\" is none of planes, classes", where);
+      if (!layout) fail_input("{}: \"layout\" is none of planes, classes, bits", where);
       tensor.layout = *layout;
       has_layout = true;
     } else if (key == "along") {
@@ -113,6 +113,9 @@ CodedTensor read_tensor(const json& entry, const std::string& where) {
   }
   if (!real && tensor.layout == CodeLayout::classes) {
     fail_input("{}: \"layout\": classes are of signed numbers", where);
+  }
+  if (tensor.layout == CodeLayout::bits && (tensor.dtype != DType::u8 || tensor.along)) {
+    fail_input("{}: \"layout\": bits are of U8, and not along an axis", where);
   }
   if (tensor.along && *tensor.along >= tensor.shape.size()) {
     fail_input("{}: \"along\": {} is no axis of {}", where, *tensor.along,
@@ -143,6 +146,16 @@ CodedBlob encode_indices(const ModelTensor& tensor) {
     indices[i] = static_cast<std::int32_t>(index);
   }
   return smallest(tensor, 0, indices);
+}
+
+CodedBlob encode_bits(const ModelTensor& tensor) {
+  std::vector<std::int32_t> numbers;
+  numbers.reserve(tensor.values.size());
+  for (const std::byte value : tensor.values) {
+    numbers.push_back(std::to_integer<std::int32_t>(value));
+  }
+  const CodedTensor how{tensor.dtype, tensor.shape, 0, CodeLayout::bits, std::nullopt};
+  return {how, entropy_code(numbers, number_type(tensor.dtype), how.layout, {})};
 }
 
 std::vector<std::int32_t> decode_numbers(const CodedTensor& tensor, std::size_t component_axis,

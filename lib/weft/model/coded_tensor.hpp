@@ -40,6 +40,8 @@ struct CodedBlob {
 CodedBlob encode_quantised(const ModelTensor& tensor, unsigned bits,
                            const std::vector<std::int32_t>& codes);
 CodedBlob encode_indices(const ModelTensor& tensor);
+// Of U8 numbers that are 0 or 1.
+CodedBlob encode_bits(const ModelTensor& tensor);
 
 // The numbers of a blob. Throws an input error that begins with `where` for what is wrong with it,
 // or for a code of more than its bits.

@@ -212,15 +212,63 @@ std::vector<std::uint32_t> get_classes(std::span<const std::byte> blob, std::siz
   return words;
 }
 
+// bits
+
+void put_bits(std::span<const std::uint32_t> words, std::vector<std::byte>& blob) {
+  std::vector<std::byte> packed((words.size() + 7) / 8);
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    if (words[i] > 1) fail_runtime("a number of {} is no bit", words[i]);
+    packed[i / 8] |= static_cast<std::byte>(words[i] << (i % 8));
+  }
+  append_frame(packed, blob);
+}
+
+std::vector<std::uint32_t> get_bits(std::span<const std::byte> blob, std::size_t count,
+                                    std::string_view where) {
+  FrameReader reader(blob, where);
+  const std::vector<std::byte> packed = reader.next((count + 7) / 8);
+  if (!reader.rest().empty()) fail_input("{}: {} bytes too many", where, reader.rest().size());
+  if (count % 8 != 0 && std::to_integer<unsigned>(packed.back()) >> (count % 8) != 0) {
+    fail_input("{}: bits behind the last of {}", where, count);
+  }
+  std::vector<std::uint32_t> words(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    words[i] = std::to_integer<std::uint32_t>(packed[i / 8]) >> (i % 8) & 1;
+  }
+  return words;
+}
+
+std::vector<std::uint32_t> get_words(std::span<const std::byte> blob, std::size_t count,
+                                     NumberType type, CodeLayout layout, std::string_view where) {
+  switch (layout) {
+    case CodeLayout::planes:
+      return get_planes(blob, count, type, where);
+    case CodeLayout::classes:
+      return get_classes(blob, count, where);
+    case CodeLayout::bits:
+      return get_bits(blob, count, where);
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string_view name_of(CodeLayout layout) {
-  return layout == CodeLayout::planes ? "planes" : "classes";
+  switch (layout) {
+    case CodeLayout::planes:
+      return "planes";
+    case CodeLayout::classes:
+      return "classes";
+    case CodeLayout::bits:
+      return "bits";
+  }
+  return "";
 }
 
 std::optional<CodeLayout> code_layout_from_name(std::string_view name) {
   if (name == "planes") return CodeLayout::planes;
   if (name == "classes") return CodeLayout::classes;
+  if (name == "bits") return CodeLayout::bits;
   return std::nullopt;
 }
 
@@ -237,10 +285,16 @@ std::vector<std::byte> entropy_code(std::span<const std::int32_t> numbers, Numbe
     words[i] = type.is_signed && layout == CodeLayout::planes ? zigzag(word) : word;
   }
   std::vector<std::byte> blob;
-  if (layout == CodeLayout::planes) {
-    put_planes(words, type, blob);
-  } else {
-    put_classes(words, blob);
+  switch (layout) {
+    case CodeLayout::planes:
+      put_planes(words, type, blob);
+      break;
+    case CodeLayout::classes:
+      put_classes(words, blob);
+      break;
+    case CodeLayout::bits:
+      put_bits(words, blob);
+      break;
   }
   return blob;
 }
@@ -249,9 +303,7 @@ std::vector<std::int32_t> entropy_decode(std::span<const std::byte> blob, std::s
                                          NumberType type, CodeLayout layout, Neighbours neighbours,
                                          std::string_view where) {
   const std::uint32_t mask = mask_of(type);
-  std::vector<std::uint32_t> words = layout == CodeLayout::planes
-                                         ? get_planes(blob, count, type, where)
-                                         : get_classes(blob, count, where);
+  std::vector<std::uint32_t> words = get_words(blob, count, type, layout, where);
   std::vector<std::int32_t> numbers(count);
   for (std::size_t i = 0; i < count; ++i) {
     std::uint32_t& word = words[i];

@@ -9,6 +9,8 @@
 //            sign and the bits below the highest of each n that is not 0. What is packed has next
 //            to no redundancy, and the lengths, whose statistics zstd then meets alone, have the
 //            rest.
+//   bits:    a frame of unsigned numbers of 0 and 1, eight in a byte from its lowest bit on, with
+//            zeros behind the last; without differences.
 #pragma once
 
 #include <cstddef>
@@ -20,9 +22,9 @@
 
 namespace weft {
 
-enum class CodeLayout : std::uint8_t { planes, classes };
+enum class CodeLayout : std::uint8_t { planes, classes, bits };
 
-// "planes" "classes"; the inverse is empty for another name.
+// "planes" "classes" "bits"; the inverse is empty for another name.
 std::string_view name_of(CodeLayout layout);
 std::optional<CodeLayout> code_layout_from_name(std::string_view name);
 

@@ -412,8 +412,8 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
     const ModeGroup& group = model->groups.groups()[n];
     const std::size_t rank = found[axis++];
     model->ranks[n] = rank;
-    const bool of_all = file.file().find(global_name(group)) != nullptr;
-    const bool of_each = file.file().find(local_name(group)) != nullptr;
+    const bool of_all = file.has(global_name(group));
+    const bool of_each = file.has(local_name(group));
     if (of_all && of_each) {
       file.reject("tensors \"" + global_name(group) + "\" and \"" + local_name(group) +
                   "\": mode " + group.name + " has one of them");

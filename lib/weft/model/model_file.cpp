@@ -17,6 +17,7 @@
 #include "weft/model/coded_tensor.hpp"
 #include "weft/model/component_scale.hpp"
 #include "weft/model/model_metadata.hpp"
+#include "weft/model/occlusion_metadata.hpp"
 #include "weft/model/quantise.hpp"
 
 namespace weft {
@@ -130,7 +131,11 @@ using Quantisations = std::map<std::string, Quantisation, std::less<>>;
 }
 
 CodedTensors coded_tensors(const SafetensorsFile& file) {
-  if (file.value("weft.format") != coded_format_version) return {};
+  const std::string_view format = file.value("weft.format");
+  const bool required = format == coded_format_version;
+  if (!required && (format != mask_format_version || file.metadata().count("coded") == 0)) {
+    return {};
+  }
   return read_coded(file.require("coded"),
                     fmt::format("{}: metadata \"coded\"", file.path().string()));
 }
@@ -202,33 +207,77 @@ void check_limit(const SafetensorsFile& file, std::string_view name,
   }
 }
 
+// Those of a model whose tensors' names begin with a prefix, by the rest of their names.
+Quantisations under_prefix(const Quantisations& all, std::string_view prefix) {
+  Quantisations result;
+  for (const auto& [name, quantisation] : all) {
+    if (name.starts_with(prefix)) result[name.substr(prefix.size())] = quantisation;
+  }
+  return result;
+}
+
 }  // namespace
 
 ModelFile::ModelFile(const std::filesystem::path& path)
-    : file_(path), info_(read_model_info(file_)) {
-  check_checksums(file_);
-  for (const TensorInfo& tensor : file_.tensors()) check_finite(file_, tensor);
-  check_scales(file_);
-  info_.quantised = check_coded(file_);
+    : file_(std::make_shared<SafetensorsFile>(path)), info_(read_model_info(*file_)) {
+  check_checksums(*file_);
+  for (const TensorInfo& tensor : file_->tensors()) check_finite(*file_, tensor);
+  check_scales(*file_);
+  info_.quantised = check_coded(*file_);
+  read_mask();
 }
 
-std::vector<float> ModelFile::real_tensor(std::string_view name,
+ModelFile::ModelFile(std::shared_ptr<const SafetensorsFile> file, ModelInfo info,
+                     std::string_view prefix)
+    : file_(std::move(file)), info_(std::move(info)), prefix_(prefix) {
+  info_.quantised = under_prefix(check_coded(*file_), prefix_);
+}
+
+void ModelFile::read_mask() {
+  if (coded_tensors(*file_).contains("mask")) {
+    const BtfShape& shape = info_.btf.shape;
+    const std::vector<std::uint32_t> bits =
+        index_tensor("mask", {shape.views, shape.height, shape.width}, 2);
+    info_.btf.mask.assign(bits.begin(), bits.end());
+  } else {
+    get_mask(*file_, info_.btf);
+  }
+  if (file_->metadata().count("occlusion") == 0) return;
+  if (!info_.btf.mask.empty()) reject("tensor \"mask\": there is a model of the mask, too");
+  const std::string where = fmt::format("{}: metadata \"occlusion\"", file_->path().string());
+  occlusion_ = std::make_shared<Occlusion>(
+      read_occlusion(file_->value("occlusion"), info_.btf, where).occlusion);
+}
+
+ModelFile ModelFile::occlusion_model() const {
+  const std::string where = fmt::format("{}: metadata \"occlusion\"", file_->path().string());
+  ModelInfo info = read_occlusion(file_->require("occlusion"), info_.btf, where).info;
+  info.program_version = info_.program_version;
+  return {file_, std::move(info), occlusion_prefix};
+}
+
+bool ModelFile::has(std::string_view name) const {
+  return file_->find(prefix_ + std::string(name)) != nullptr;
+}
+
+std::vector<float> ModelFile::real_tensor(std::string_view tensor_name,
                                           const std::vector<std::size_t>& shape,
                                           std::size_t component_axis, Storage storage) const {
-  const CodedTensors coded = coded_tensors(file_);
+  const std::string name = prefix_ + std::string(tensor_name);
+  const CodedTensors coded = coded_tensors(*file_);
   if (const auto found = coded.find(name); found != coded.end()) {
     const CodedTensor& blob = found->second;
     if (blob.dtype != DType::f32) {
       reject(fmt::format("tensor \"{}\": dtype {} instead of F32", name, name_of(blob.dtype)));
     }
     const ComponentLayout layout = component_layout(shape, component_axis);
-    const std::vector<float>& steps = info_.quantised.find(name)->second.steps;
+    const std::vector<float>& steps = info_.quantised.find(tensor_name)->second.steps;
     if (blob.shape == shape && steps.size() != layout.components) {
       reject(fmt::format("tensor \"{}\": shape [{}] instead of [{}]", step_name(name), steps.size(),
                          layout.components));
     }
     std::vector<float> values =
-        values_of(decoded(file_, name, blob, shape, component_axis), layout, steps);
+        values_of(decoded(*file_, name, blob, shape, component_axis), layout, steps);
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (!std::isfinite(values[i])) {
         reject(
@@ -237,7 +286,7 @@ std::vector<float> ModelFile::real_tensor(std::string_view name,
     }
     return values;
   }
-  const TensorInfo& tensor = file_.get(name);
+  const TensorInfo& tensor = file_->get(name);
   if (tensor.shape != shape) {
     reject(fmt::format("tensor \"{}\": shape {} instead of {}", name, shape_text(tensor.shape),
                        shape_text(shape)));
@@ -247,17 +296,17 @@ std::vector<float> ModelFile::real_tensor(std::string_view name,
     reject(fmt::format("tensor \"{}\": dtype {} instead of {}", name, name_of(tensor.dtype),
                        name_of(stored)));
   }
-  if (stored == DType::f32) return copy_of<float>(file_.data(tensor));
+  if (stored == DType::f32) return copy_of<float>(file_->data(tensor));
 
   const ComponentLayout layout = component_layout(shape, component_axis);
-  const TensorInfo& scale = file_.get(scale_name(name));
+  const TensorInfo& scale = file_->get(scale_name(name));
   if (scale.shape != std::vector<std::size_t>{layout.components}) {
     reject(fmt::format("tensor \"{}\": shape {} instead of [{}]", scale.name,
                        shape_text(scale.shape), layout.components));
   }
   std::vector<float> values(tensor.elements());
-  from_scaled_half(copy_of<std::uint16_t>(file_.data(tensor)), layout,
-                   copy_of<float>(file_.data(scale)), values);
+  from_scaled_half(copy_of<std::uint16_t>(file_->data(tensor)), layout,
+                   copy_of<float>(file_->data(scale)), values);
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (!std::isfinite(values[i])) {
       reject(
@@ -267,27 +316,29 @@ std::vector<float> ModelFile::real_tensor(std::string_view name,
   return values;
 }
 
-Storage ModelFile::storage_of(std::string_view name) const {
-  if (coded_tensors(file_).contains(name)) return info_.storage;
-  return file_.get(name).dtype == DType::f16 ? Storage::f16 : Storage::f32;
+Storage ModelFile::storage_of(std::string_view tensor_name) const {
+  const std::string name = prefix_ + std::string(tensor_name);
+  if (coded_tensors(*file_).contains(name)) return info_.storage;
+  return file_->get(name).dtype == DType::f16 ? Storage::f16 : Storage::f32;
 }
 
-std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
+std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view tensor_name,
                                                    const std::vector<std::size_t>& shape,
                                                    std::size_t limit) const {
-  const CodedTensors coded = coded_tensors(file_);
+  const std::string name = prefix_ + std::string(tensor_name);
+  const CodedTensors coded = coded_tensors(*file_);
   if (const auto found = coded.find(name); found != coded.end()) {
     const CodedTensor& blob = found->second;
     if (blob.dtype == DType::f32) {
       reject(fmt::format("tensor \"{}\": dtype F32 is none of U8, U16, U32", name));
     }
     const std::vector<std::int32_t> numbers =
-        decoded(file_, name, blob, shape, ModelTensor::no_component_axis);
+        decoded(*file_, name, blob, shape, ModelTensor::no_component_axis);
     std::vector<std::uint32_t> indices(numbers.begin(), numbers.end());
-    check_limit(file_, name, indices, limit);
+    check_limit(*file_, name, indices, limit);
     return indices;
   }
-  const TensorInfo& tensor = file_.get(name);
+  const TensorInfo& tensor = file_->get(name);
   if (tensor.shape != shape) {
     reject(fmt::format("tensor \"{}\": shape {} instead of {}", name, shape_text(tensor.shape),
                        shape_text(shape)));
@@ -296,7 +347,7 @@ std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
     reject(fmt::format("tensor \"{}\": dtype {} is none of U8, U16, U32", name,
                        name_of(tensor.dtype)));
   }
-  const std::span<const std::byte> bytes = file_.data(tensor);
+  const std::span<const std::byte> bytes = file_->data(tensor);
   std::vector<std::uint32_t> indices(tensor.elements());
   for (std::size_t i = 0; i < indices.size(); ++i) {
     switch (tensor.dtype) {
@@ -311,22 +362,23 @@ std::vector<std::uint32_t> ModelFile::index_tensor(std::string_view name,
         break;
     }
   }
-  check_limit(file_, name, indices, limit);
+  check_limit(*file_, name, indices, limit);
   return indices;
 }
 
-const std::vector<std::size_t>& ModelFile::shape_of(std::string_view name) const {
-  return file_.get(name).shape;
+std::vector<std::size_t> ModelFile::shape_of(std::string_view tensor_name) const {
+  const std::string name = prefix_ + std::string(tensor_name);
+  const CodedTensors coded = coded_tensors(*file_);
+  const auto found = coded.find(name);
+  return found != coded.end() ? found->second.shape : file_->get(name).shape;
 }
 
 std::vector<std::size_t> tensor_shape(const ModelFile& file, std::string_view name) {
-  const CodedTensors coded = coded_tensors(file.file());
-  const auto found = coded.find(name);
-  return found != coded.end() ? found->second.shape : file.shape_of(name);
+  return file.shape_of(name);
 }
 
 void ModelFile::reject(const std::string& why) const {
-  fail_input("{}: {}", file_.path().string(), why);
+  fail_input("{}: {}", file_->path().string(), why);
 }
 
 bool ModelFile::looks_like(const std::filesystem::path& path) {

@@ -1,12 +1,14 @@
 // Model files (`.weft`): the safetensors container with a model's tensors, directions and metadata.
 //
-// Metadata: weft.format ("1", or "2" with entropy-coded tensors, see coded_tensor.hpp),
+// Metadata: weft.format ("1"; "2" with entropy-coded tensors, see coded_tensor.hpp; "3" with a
+// packed mask, or with a model of it, see occlusion_metadata.hpp, and the metadata `occlusion`),
 // weft.version, codec, parameters, selection, colour_transform, storage ("f16" or "f32"), shape
 // ("[V,L,Y,X,C]" of what decoding gives), dtype, encoding, quantity, layout, channel_names, source,
 // weights (where the model was fitted with some), errors, checksums
 // ({"tensor": "16 hex digits of XXH3-64"}). Tensors: the codec's, `view_directions`,
-// `light_directions`, optionally `mask`; with F16 storage a real-valued tensor NAME is F16 and
-// stands beside NAME.scale (F32, one power of two per component).
+// `light_directions`, optionally `mask`, U8 or coded as bits, or those of its model; with F16
+// storage a real-valued tensor NAME is F16 and stands beside NAME.scale (F32, one power of two per
+// component).
 #pragma once
 
 #include <cstddef>
@@ -29,9 +31,18 @@ class ModelFile {
   explicit ModelFile(const std::filesystem::path& path);
 
   const ModelInfo& info() const { return info_; }
-  const SafetensorsFile& file() const { return file_; }
+  const SafetensorsFile& file() const { return *file_; }
   // Bytes of the file.
-  std::size_t size() const { return file_.file().bytes().size(); }
+  std::size_t size() const { return file_->file().bytes().size(); }
+
+  // Whether a model stands for the mask; what the file says of it, without the model itself; and
+  // that model as a file of its own, whose tensors have `occlusion.` in front of their names.
+  bool has_occlusion() const { return occlusion_ != nullptr; }
+  const Occlusion& occlusion() const { return *occlusion_; }
+  ModelFile occlusion_model() const;
+
+  // Whether the model has a tensor of that name.
+  bool has(std::string_view name) const;
 
   // A real-valued tensor as float, from F32, or from F16 and its scales. Throws an input error that
   // names file, tensor, the found and the wanted shape.
@@ -48,16 +59,22 @@ class ModelFile {
   std::vector<std::uint32_t> index_tensor(std::string_view name,
                                           const std::vector<std::size_t>& shape,
                                           std::size_t limit) const;
-  // Shape of a tensor in the file; throws an input error if it is not there.
-  const std::vector<std::size_t>& shape_of(std::string_view name) const;
+  // Shape of a tensor, of what a blob holds if it is one; throws an input error if it is not there.
+  std::vector<std::size_t> shape_of(std::string_view name) const;
   // An input error that names the file.
   [[noreturn]] void reject(const std::string& why) const;
 
   static bool looks_like(const std::filesystem::path& path);
 
  private:
-  SafetensorsFile file_;
+  ModelFile(std::shared_ptr<const SafetensorsFile> file, ModelInfo info, std::string_view prefix);
+
+  void read_mask();
+
+  std::shared_ptr<const SafetensorsFile> file_;
   ModelInfo info_;
+  std::string prefix_;  // of the names of its tensors
+  std::shared_ptr<const Occlusion> occlusion_;
 };
 
 // Writes the model atomically; returns the bytes of the file.

@@ -145,7 +145,7 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   if (file.value("weft.format").empty()) {
     fail_input("{}: not a model (no metadata \"weft.format\")", file.path().string());
   }
-  check_format_version(file, coded_format_version);
+  check_format_version(file, mask_format_version);
   if (file.value("codec").empty()) {
     fail_input("{}: not a model (no metadata \"codec\"){}", file.path().string(),
                file.find("btf") != nullptr ? ": it is a raw BTF" : "");
@@ -170,7 +170,7 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
     file.require(key);  // foreign raw files may leave them out, models never do
   }
   get_btf_metadata(file, info.btf);
-  get_btf_side_tensors(file, info.btf);  // validates
+  get_directions(file, info.btf);  // validates
   info.colour_transform =
       colour_transform_from_text(file.require("colour_transform"), info.btf.shape.channels,
                                  field_of(file, "colour_transform"));

@@ -38,7 +38,7 @@ class Checksum {
 Metadata model_metadata(const ModelInfo& info, const std::string& where);
 std::string checksums_json(const Checksums& checksums);
 
-// Reads and checks everything that the metadata says, with directions and mask.
+// Reads and checks everything that the metadata says, with directions, but without mask.
 ModelInfo read_model_info(const SafetensorsFile& file);
 Checksums read_checksums(const SafetensorsFile& file);
 

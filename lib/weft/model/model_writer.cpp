@@ -12,6 +12,7 @@
 #include "weft/model/component_scale.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/model_metadata.hpp"
+#include "weft/model/occlusion_metadata.hpp"
 #include "weft/model/quantise.hpp"
 
 namespace weft {
@@ -39,11 +40,12 @@ std::span<const float> checked_values(const ModelTensor& tensor, const std::stri
   return values;
 }
 
-// A quantised tensor; of a model that has some, also indices that get smaller by more than what the
-// metadata then say of them.
+// What the metadata say of a blob: indices that get smaller by less stay as they are.
+constexpr std::size_t entry_bytes = 96;
+
+// A quantised tensor; of a model that has some, also indices that get smaller.
 std::optional<CodedBlob> coded_blob(const ModelTensor& tensor, const ModelInfo& info,
                                     const std::string& where) {
-  constexpr std::size_t entry_bytes = 96;
   if (tensor.dtype == DType::f32) {
     const auto found = info.quantised.find(tensor.name);
     if (found == info.quantised.end()) return std::nullopt;
@@ -58,43 +60,90 @@ std::optional<CodedBlob> coded_blob(const ModelTensor& tensor, const ModelInfo& 
   return blob;
 }
 
+// The mask as bits, where that is smaller.
+std::optional<CodedBlob> coded_mask(const BtfInfo& info) {
+  if (info.mask.size() <= entry_bytes) return std::nullopt;
+  CodedBlob blob = encode_bits({"mask",
+                                {info.shape.views, info.shape.height, info.shape.width},
+                                DType::u8,
+                                std::as_bytes(std::span(info.mask))});
+  if (blob.bytes.size() + entry_bytes > info.mask.size()) return std::nullopt;
+  return blob;
+}
+
+// The model itself, and that of its mask, with what stands in front of the names of their tensors.
+struct Part {
+  const Model* model;
+  std::string_view prefix;
+};
+
+std::vector<Part> parts_of(const Model& model, const std::string& where) {
+  std::vector<Part> parts{{&model, ""}};
+  if (const Occlusion* occlusion = model.info.occlusion.get()) {
+    const BtfShape wanted = occlusion_info(model.info.btf).shape;
+    if (!model.info.btf.mask.empty() || occlusion->model->info.btf.shape != wanted) {
+      fail_runtime("{}: the model of the mask is not one of what is written", where);
+    }
+    parts.push_back({occlusion->model.get(), occlusion_prefix});
+  }
+  return parts;
+}
+
+std::string name_in_file(const Part& part, const ModelTensor& tensor) {
+  return std::string(part.prefix) + tensor.name;
+}
+
 bool stored_as_half(const ModelTensor& tensor, Storage storage) {
   return tensor.dtype == DType::f32 && tensor.storage.value_or(storage) == Storage::f16;
 }
 
+void plan_tensors(const Part& part, const std::string& where, Plan& plan) {
+  const ModelInfo& info = part.model->info;
+  for (const ModelTensor& tensor : part.model->tensors()) {
+    const std::string name = name_in_file(part, tensor);
+    TensorInfo planned{name, tensor.dtype, tensor.shape};
+    if (tensor.values.size() != planned.bytes()) {
+      fail_runtime("{}: tensor \"{}\": {} bytes for shape {}", where, name, tensor.values.size(),
+                   shape_text(tensor.shape));
+    }
+    if (std::optional<CodedBlob> blob = coded_blob(tensor, info, where)) {
+      planned.dtype = DType::u8;
+      planned.shape = {blob->bytes.size()};
+      if (tensor.dtype == DType::f32) {
+        const std::size_t components = info.quantised.at(tensor.name).steps.size();
+        plan.tensors.push_back({name + ".step", DType::f32, {components}});
+      }
+      plan.coded.emplace(name, std::move(*blob));
+    } else if (stored_as_half(tensor, info.storage)) {
+      planned.dtype = DType::f16;
+      const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
+      plan.tensors.push_back({name + ".scale", DType::f32, {layout.components}});
+    }
+    plan.tensors.push_back(std::move(planned));
+  }
+}
+
 Plan plan_of(const Model& model, const std::string& where) {
   Plan plan;
-  plan.metadata = model_metadata(model.info, where);
-  for (const ModelTensor& tensor : model.tensors()) {
-    TensorInfo info{tensor.name, tensor.dtype, tensor.shape};
-    if (tensor.values.size() != info.bytes()) {
-      fail_runtime("{}: tensor \"{}\": {} bytes for shape {}", where, tensor.name,
-                   tensor.values.size(), shape_text(tensor.shape));
-    }
-    if (std::optional<CodedBlob> blob = coded_blob(tensor, model.info, where)) {
-      info.dtype = DType::u8;
-      info.shape = {blob->bytes.size()};
-      if (tensor.dtype == DType::f32) {
-        const std::size_t components = model.info.quantised.at(tensor.name).steps.size();
-        plan.tensors.push_back({tensor.name + ".step", DType::f32, {components}});
-      }
-      plan.coded.emplace(tensor.name, std::move(*blob));
-    } else if (stored_as_half(tensor, model.info.storage)) {
-      info.dtype = DType::f16;
-      const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
-      plan.tensors.push_back({tensor.name + ".scale", DType::f32, {layout.components}});
-    }
-    plan.tensors.push_back(std::move(info));
-  }
-  for (TensorInfo& tensor : btf_side_tensors(model.info.btf)) {
+  const ModelInfo& info = model.info;
+  plan.metadata = model_metadata(info, where);
+  for (const Part& part : parts_of(model, where)) plan_tensors(part, where, plan);
+  if (!plan.coded.empty()) plan.metadata["weft.format"] = coded_format_version;
+  std::optional<CodedBlob> mask = coded_mask(info.btf);
+  for (TensorInfo& tensor : btf_side_tensors(info.btf)) {
+    if (tensor.name == "mask" && mask) tensor.shape = {mask->bytes.size()};
     plan.tensors.push_back(std::move(tensor));
+  }
+  if (mask) plan.coded.emplace("mask", std::move(*mask));
+  if (info.occlusion) plan.metadata["occlusion"] = occlusion_json(*info.occlusion, where);
+  if (info.occlusion || plan.coded.contains("mask")) {
+    plan.metadata["weft.format"] = mask_format_version;
   }
   for (const TensorInfo& tensor : plan.tensors) plan.checksums[tensor.name] = checksum_of({});
   plan.metadata["checksums"] = checksums_json(plan.checksums);
   if (!plan.coded.empty()) {
     CodedTensors coded;
     for (const auto& [name, blob] : plan.coded) coded[name] = blob.tensor;
-    plan.metadata["weft.format"] = coded_format_version;
     plan.metadata["coded"] = coded_json(coded);
   }
   return plan;
@@ -112,48 +161,64 @@ std::size_t write_model(const std::filesystem::path& path, const Model& model) {
     plan.checksums[name] = checksum_of(bytes);
   };
   // A tensor may be most of what memory holds: its halves are made a block at a time.
-  const auto write_halves = [&](const ModelTensor& tensor, std::span<const float> values) {
+  const auto write_halves = [&](const ModelTensor& tensor, const std::string& name,
+                                std::span<const float> values) {
     constexpr std::size_t block = std::size_t{1} << 20;
     const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
     const std::vector<float> scales = component_scales(values, layout);
-    write(tensor.name + ".scale", std::as_bytes(std::span(scales)));
+    write(name + ".scale", std::as_bytes(std::span(scales)));
     std::vector<std::uint16_t> halves(std::min(block, values.size()));
     Checksum checksum;
     for (std::size_t first = 0; first < values.size(); first += block) {
       const std::size_t count = std::min(block, values.size() - first);
       to_scaled_half(values.subspan(first, count), layout, scales, halves, first);
       const auto bytes = std::as_bytes(std::span<const std::uint16_t>(halves).first(count));
-      writer.write(tensor.name, first * sizeof(std::uint16_t), bytes);
+      writer.write(name, first * sizeof(std::uint16_t), bytes);
       checksum.add(bytes);
     }
-    plan.checksums[tensor.name] = checksum.text();
+    plan.checksums[name] = checksum.text();
   };
-
-  for (const ModelTensor& tensor : model.tensors()) {
-    if (const auto coded = plan.coded.find(tensor.name); coded != plan.coded.end()) {
-      const auto quantised = model.info.quantised.find(tensor.name);
-      if (quantised != model.info.quantised.end()) {
-        write(tensor.name + ".step", std::as_bytes(std::span(quantised->second.steps)));
+  const auto write_tensor = [&](const Part& part, const ModelTensor& tensor) {
+    const ModelInfo& info = part.model->info;
+    const std::string name = name_in_file(part, tensor);
+    if (const auto coded = plan.coded.find(name); coded != plan.coded.end()) {
+      const auto quantised = info.quantised.find(tensor.name);
+      if (quantised != info.quantised.end()) {
+        write(name + ".step", std::as_bytes(std::span(quantised->second.steps)));
       }
-      write(tensor.name, coded->second.bytes);
-      continue;
+      write(name, coded->second.bytes);
+      return;
     }
     if (is_float(tensor.dtype)) {
       const std::span<const float> values = checked_values(tensor, where);
-      if (stored_as_half(tensor, model.info.storage)) {
-        write_halves(tensor, values);
-        continue;
+      if (stored_as_half(tensor, info.storage)) {
+        write_halves(tensor, name, values);
+        return;
       }
     }
-    write(tensor.name, tensor.values);
+    write(name, tensor.values);
+  };
+
+  for (const Part& part : parts_of(model, where)) {
+    for (const ModelTensor& tensor : part.model->tensors()) write_tensor(part, tensor);
   }
   for (const TensorInfo& tensor : btf_side_tensors(model.info.btf)) {
-    write(tensor.name, btf_side_values(model.info.btf, tensor.name));
+    const auto coded = plan.coded.find(tensor.name);
+    write(tensor.name, coded != plan.coded.end() ? std::span<const std::byte>(coded->second.bytes)
+                                                 : btf_side_values(model.info.btf, tensor.name));
   }
 
   writer.set_metadata("checksums", checksums_json(plan.checksums));
   writer.finish();
   return writer.file_size();
+}
+
+std::size_t occlusion_tensor_bytes(const Occlusion& occlusion) {
+  Plan plan;
+  plan_tensors({occlusion.model.get(), occlusion_prefix}, "occlusion", plan);
+  std::size_t bytes = 0;
+  for (const TensorInfo& tensor : plan.tensors) bytes += tensor.bytes();
+  return bytes;
 }
 
 std::size_t model_file_size(const Model& model) {

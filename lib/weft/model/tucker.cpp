@@ -250,7 +250,7 @@ std::unique_ptr<TuckerModel> TuckerModel::read(const ModelFile& file) {
     const std::string name = factor_name(group);
     if (found[n] == 0) file.reject("tensor \"core\": shape " + shape_text(found) + " holds a 0");
     model->ranks[n] = found[n];
-    if (file.file().find(name) == nullptr) {
+    if (!file.has(name)) {
       if (found[n] != group.size) {
         file.reject("tensor \"core\": shape " + shape_text(found) + ", but there is no tensor \"" +
                     name + "\" for mode " + group.name + " of size " + std::to_string(group.size));

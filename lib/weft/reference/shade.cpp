@@ -36,10 +36,12 @@ void append_weights(std::vector<std::uint32_t>& words, const std::array<T, N>& w
 class ReferenceShader final : public Shader {
  public:
   ReferenceShader(const BtfInfo& info, std::vector<std::unique_ptr<ReferenceSampler>> levels,
-                  std::vector<std::unique_ptr<ReferenceSampler>> mask_levels, LevelsOfGrid grid)
+                  std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
+                  std::optional<VisibilityMapping> mapping, LevelsOfGrid grid)
       : info_(info),
         levels_(std::move(levels)),
         mask_levels_(std::move(mask_levels)),
+        mapping_(mapping),
         views_(info.view_directions),
         lights_(info.light_directions),
         grid_(grid) {
@@ -78,6 +80,7 @@ class ReferenceShader final : public Shader {
     double weight = 0;  // of the level
     TexelTaps taps;
     double mask = 1;
+    double opacity = 1;
   };
   struct Light {
     std::size_t point = 0;
@@ -122,7 +125,7 @@ class ReferenceShader final : public Shader {
     entries[level].push_back({i, weight,
                               texel_taps(point.uv, mip_side(info_.shape.height, level),
                                          mip_side(info_.shape.width, level)),
-                              1});
+                              1, 1});
   }
 
   void find_masks(std::size_t level, const std::vector<DirectionWeights>& views,
@@ -138,10 +141,14 @@ class ReferenceShader final : public Shader {
       append_weights(records, entry.taps.weight);
       append_weights(records, views[entry.point].weight);
     }
-    std::vector<double> masks(entries.size());
-    mask_levels_[level]->look_up(lookup, records, masks);
+    const std::size_t channels = mapping_ ? 2 : 1;
+    std::vector<double> values(channels * entries.size());
+    mask_levels_[level]->look_up(lookup, records, values);
     for (std::size_t i = 0; i < entries.size(); ++i) {
-      entries[i].mask = std::clamp(masks[i], 0.0, 1.0);
+      entries[i].mask = std::clamp(values[channels * i], 0.0, 1.0);
+      const double last = values[channels * i + channels - 1];
+      entries[i].opacity =
+          mapping_ && level == 0 ? mapping_->alpha(last) : std::clamp(last, 0.0, 1.0);
     }
   }
 
@@ -154,7 +161,7 @@ class ReferenceShader final : public Shader {
     std::vector<const Entry*> entry_of(views.size(), nullptr);
     for (const Entry& entry : entries) {
       entry_of[entry.point] = &entry;
-      sums[entry.point][3] += entry.weight * entry.mask;
+      sums[entry.point][3] += entry.weight * entry.opacity;
     }
     std::vector<std::uint32_t> records;
     std::vector<const Light*> looked_up;
@@ -189,21 +196,26 @@ class ReferenceShader final : public Shader {
                                 : light.weights.scale;
       for (std::size_t c = 0; c < 3; ++c) {
         const double value = values[n * channels + (channels == 3 ? c : 0)];
-        sums[light.point][c] += entry.weight * factor * linear(value, entry.mask) *
+        sums[light.point][c] += entry.weight * factor * linear(value, entry) *
                                 static_cast<double>(light.sample->irradiance[c]);
       }
     }
   }
 
-  // A looked-up value in linear light, premultiplied by the mask as it was found.
-  double linear(double value, double mask) const {
-    if (!(value > 0) || mask <= 0) return 0;
-    return mask * decode_to_linear(info_.encoding, value / mask);
+  // A looked-up value, premultiplied by the mask, in linear light, premultiplied by the opacity.
+  double linear(double value, const Entry& entry) const {
+    if (!(value > 0) || entry.mask <= 0) return 0;
+    // What a lossy model leaves in a hole is not made brighter than white.
+    const double whole = info_.encoding == Encoding::linear
+                             ? value / entry.mask
+                             : std::min(value / entry.mask, std::max(value, 1.0));
+    return entry.opacity * decode_to_linear(info_.encoding, whole);
   }
 
   BtfInfo info_;
   std::vector<std::unique_ptr<ReferenceSampler>> levels_;
   std::vector<std::unique_ptr<ReferenceSampler>> mask_levels_;
+  std::optional<VisibilityMapping> mapping_;
   Hemisphere views_;
   Hemisphere lights_;
   LevelsOfGrid grid_;
@@ -214,9 +226,10 @@ class ReferenceShader final : public Shader {
 std::unique_ptr<Shader> make_shader(const BtfInfo& info,
                                     std::vector<std::unique_ptr<ReferenceSampler>> levels,
                                     std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
-                                    LevelsOfGrid grid) {
+                                    std::optional<VisibilityMapping> mapping, LevelsOfGrid grid) {
   validate_material(info);
-  return std::make_unique<ReferenceShader>(info, std::move(levels), std::move(mask_levels), grid);
+  return std::make_unique<ReferenceShader>(info, std::move(levels), std::move(mask_levels), mapping,
+                                           grid);
 }
 
 }  // namespace weft::reference

@@ -11,17 +11,16 @@
 namespace weft {
 namespace {
 
+// Images of a mask in memory.
 class MaskSource final : public TileSource {
  public:
-  explicit MaskSource(const BtfInfo& info) {
-    info_.shape = {info.shape.views, 1, info.shape.height, info.shape.width, 1};
-    info_.dtype = DType::u8;
+  MaskSource(const BtfInfo& info, DType dtype, std::size_t channels, std::vector<std::byte> values)
+      : values_(std::move(values)) {
+    info_.shape = {info.shape.views, 1, info.shape.height, info.shape.width, channels};
+    info_.dtype = dtype;
     info_.view_directions = info.view_directions;
     info_.light_directions = {{0, 0, 1}};
     info_.source = info.source;
-    for (const std::uint8_t value : info.mask) {
-      values_.push_back(value != 0 ? std::byte{255} : std::byte{0});
-    }
   }
 
   const BtfInfo& info() const override { return info_; }
@@ -38,6 +37,19 @@ class MaskSource final : public TileSource {
   std::vector<std::byte> values_;
 };
 
+// m beside another number of each texel.
+std::shared_ptr<TileSource> paired_source(const BtfInfo& info, const std::vector<float>& numbers) {
+  std::vector<float> pairs;
+  pairs.reserve(2 * numbers.size());
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    pairs.push_back(info.mask[i] != 0 ? 1.0f : 0.0f);
+    pairs.push_back(numbers[i]);
+  }
+  const auto bytes = std::as_bytes(std::span(pairs));
+  return std::make_shared<MaskSource>(info, DType::f32, 2,
+                                      std::vector<std::byte>(bytes.begin(), bytes.end()));
+}
+
 }  // namespace
 
 void validate_material(const BtfInfo& info) {
@@ -50,9 +62,24 @@ void validate_material(const BtfInfo& info) {
   }
 }
 
-std::shared_ptr<TileSource> mask_source(const BtfInfo& info) {
-  if (info.mask.empty()) return nullptr;
-  return std::make_shared<MaskSource>(info);
+MaskSources mask_sources(const BtfInfo& info, const Opacity* opacity) {
+  if (info.mask.empty()) return {};
+  if (!opacity) {
+    std::vector<std::byte> values;
+    for (const std::uint8_t value : info.mask) {
+      values.push_back(value != 0 ? std::byte{255} : std::byte{0});
+    }
+    const auto source = std::make_shared<MaskSource>(info, DType::u8, 1, std::move(values));
+    return {source, source};
+  }
+  if (opacity->values.size() != info.mask.size()) {
+    fail_input("opacities: {} values for a mask of {}", opacity->values.size(), info.mask.size());
+  }
+  std::vector<float> opacities;
+  for (const float value : opacity->values) {
+    opacities.push_back(static_cast<float>(opacity->mapping.alpha(value)));
+  }
+  return {paired_source(info, opacity->values), paired_source(info, opacities)};
 }
 
 std::size_t mip_levels(const BtfShape& shape) {

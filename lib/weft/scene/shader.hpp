@@ -1,17 +1,18 @@
 // What shading points reflect: the interface between the geometry of a scene and its material.
 //
-// At point i, with m its mask (1 where the material has none) and T the material in linear light,
+// At point i, with m its mask (1 where the material has none), a its opacity (m, unless it is found
+// from numbers O, see Opacity) and T the material in linear light,
 //
-//   radiance[i] = (sum over its light samples s of T(uv, view, light_s) irradiance_s,  m)
+//   radiance[i] = (sum over its light samples s of T(uv, view, light_s) irradiance_s a / m,  a)
 //
 // T is looked up barycentrically in both directions (Hemisphere), bilinearly in the texels of two
 // mip levels (texture_taps.hpp), in the stored encoding; decoded to linear light; clipped at 0; and
 // taken times cos(theta_l) for a `brdf`, or times DirectionWeights::scale for `radiance`. Levels
 // are mixed in linear light. A model with a grid of views (Model::view_grid) is looked up at the
 // grid's nearest entry, in those levels that are the model's own. Where the mask has an edge, m is
-// interpolated like the values, which are 0 in the hole: so the sum is premultiplied by m. In an
-// encoding that is not linear the values are divided by m before they are decoded and multiplied by
-// it after, so that no dark fringe is left.
+// interpolated like the values, which are 0 in the hole: so the values are premultiplied by m. They
+// are divided by m before they are decoded and multiplied by the opacity after, so that no dark
+// fringe is left.
 #pragma once
 
 #include <array>
@@ -23,13 +24,14 @@
 #include "weft/btf/btf.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/job.hpp"
+#include "weft/model/occlusion.hpp"
 #include "weft/scene/shading_point.hpp"
 
 namespace weft {
 
 class LightTables;
 
-// Linear rgb, premultiplied by m, and m.
+// Linear rgb, premultiplied by the opacity, and the opacity.
 using PointRadiance = std::array<float, 4>;
 
 class Shader {
@@ -57,9 +59,23 @@ class Shader {
 // 3 channels. A `paired` BTF has no light for every view.
 void validate_material(const BtfInfo& info);
 
-// The mask as images of one channel, [V][1][Y][X], U8, 255 where the view meets material; null
+// Numbers O from which eq. (26) of K-CTA makes opacities: signed distances, or what the model of a
+// mask decodes to. In the finest level they are interpolated before they are mapped, which leaves
+// an outline sharp however large it is seen; coarser levels average opacities.
+struct Opacity {
+  VisibilityMapping mapping;
+  std::vector<float> values;  // [V][Y][X]
+};
+
+// What masks and opacities are looked up in, as images [V][1][Y][X]: of the finest level and of the
+// one that coarser levels are made of. One channel, U8, 255 where the view meets material; with
+// opacities two, F32: m and O in the finest level, m and the opacity in the others. Both null
 // without a mask.
-std::shared_ptr<TileSource> mask_source(const BtfInfo& info);
+struct MaskSources {
+  std::shared_ptr<TileSource> finest;
+  std::shared_ptr<TileSource> coarser;  // as large as the finest
+};
+MaskSources mask_sources(const BtfInfo& info, const Opacity* opacity);
 
 // The levels of a material of `shape`: level 0 and those of last_mip_level().
 std::size_t mip_levels(const BtfShape& shape);
@@ -67,7 +83,7 @@ std::size_t mip_levels(const BtfShape& shape);
 // The next mip level of a source: 2 x 2 texels averaged in linear light, and stored as they are.
 std::shared_ptr<TileSource> next_mip_level(std::shared_ptr<TileSource> source);
 
-// picture[pixel] += weight (radiance + (1 - m) behind), and the fourth value += weight m. Pixels
+// picture[pixel] += weight (radiance + (1 - a) behind), and the fourth value += weight a. Pixels
 // count from `first_pixel`; picture: [pixels][4].
 void add_points(std::span<const ShadingPoint> points, std::span<const PointRadiance> radiance,
                 std::size_t first_pixel, std::span<std::array<float, 4>> picture);
