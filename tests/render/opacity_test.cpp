@@ -2,15 +2,19 @@
 // seen, and coarser levels average them; on the device as by the reference.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
+#include "support/guarded_buffer.hpp"
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
 #include "support/shared_device.hpp"
 #include "weft/btf/mask_distance.hpp"
 #include "weft/codecs/occlusion.hpp"
+#include "weft/ops/shade.hpp"
 #include "weft/render/shade.hpp"
 
 namespace weft::test {
@@ -63,7 +67,46 @@ std::vector<PointRadiance> shade(Shader& shader, const Row& row, Job& job) {
 // Of half a texel's ramp inside the outline.
 constexpr VisibilityMapping ramp{1.0 / 3, 3};
 
-TEST(Opacity, SmallRowOfDistances) {
+// The kernel alone, of entries in any order; what lies between the listed ones is left alone.
+TEST(Opacity, SmallPairsAreMapped) {
+  Device& device = shared_device();
+  const VisibilityMapping mapping{0.25, 3};
+  for (const std::size_t count : Sizes{1, 3, 63, 64, 65, 130}) {
+    std::vector<std::uint32_t> list;
+    std::vector<float> values = random_floats(2 * count, 5, -0.5, 1.5);
+    for (std::size_t i = 0; i < count; ++i) {
+      list.push_back(static_cast<std::uint32_t>(2 * (count - 1 - i)));
+    }
+    values[1] = 0.25f;
+    GuardedBuffer masks(device, std::span<const float>(std::vector<float>(4 * count, 7.0f)),
+                        "masks");
+    ops::ShadeTables tables;
+    tables.masks = std::move(masks.buffer());
+    Buffer listed(device, list.size() * sizeof(std::uint32_t), "entries");
+    Buffer looked_up(device, values.size() * sizeof(float), "values");
+    device.write(listed, std::span<const std::uint32_t>(list));
+    device.write(looked_up, std::span<const float>(values));
+    for (const bool mapped : {true, false}) {
+      ops::set_opacities(device, count, listed, looked_up, mapped ? &mapping : nullptr, tables);
+      std::vector<float> found(4 * count);
+      device.read(tables.masks, std::span<float>(found));
+      for (std::size_t i = 0; i < count; ++i) {
+        const float* const pair = &found[2 * list[i]];
+        EXPECT_EQ(pair[0], std::clamp(values[2 * i], 0.0f, 1.0f));
+        const float number = values[2 * i + 1];
+        const double expected =
+            mapped ? mapping.alpha(double{number}) : std::clamp(double{number}, 0.0, 1.0);
+        EXPECT_NEAR(pair[1], expected, 0x1p-22) << number;  // one product
+        EXPECT_EQ(pair[2], 7.0f);
+        EXPECT_EQ(pair[3], 7.0f);
+      }
+    }
+    masks.buffer() = std::move(tables.masks);
+    EXPECT_TRUE(masks.intact());
+  }
+}
+
+TEST(Opacity, RowOfDistances) {
   const Row row = row_of_points(37, 0);
   for (Device* device : both()) {
     Job job;
