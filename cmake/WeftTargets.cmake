@@ -36,7 +36,8 @@ set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/surface_march.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl
-                         ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl)
+                         ${PROJECT_SOURCE_DIR}/kernels/vector_width.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/vq_books.cl)
 
 # Embeds OpenCL C files: weft_embed_kernels(TARGET STEM ...): kernels/STEM.cl becomes
 # kernel_sources::STEM.

@@ -43,6 +43,7 @@ Parameters rank(std::size_t k) {
 Parameters everything(const CodecRun& run, std::size_t k) {
   Parameters parameters = rank(k);
   if (run.codec == "sparse") parameters["atoms"] = "1024";
+  if (run.codec == "vq") parameters = {{"threshold", "0"}};
   return parameters;
 }
 
@@ -386,7 +387,8 @@ TEST_P(EveryCodec, RefusesNaNAndNamesTheFirst) {
                  [&] { run().encode(*source, rank(2), Storage::f16); });
     Job job;
     job.nan_zero = true;
-    const auto model = run().encode(*source, rank(60), Storage::f32, job);
+    const auto model = run().encode(*source, run().codec == "vq" ? everything(run(), 60) : rank(60),
+                                    Storage::f32, job);
     EXPECT_LE(relative(run().measure(*model, *source, true)), 1e-5);
   }
 }
@@ -435,6 +437,25 @@ TEST_P(EveryCodec, RefusesWhatDoesNotFit) {
 
 TEST_P(EveryCodec, ParametersAreChecked) {
   const auto source = random_source({1, 2, 3, 4, 3}, DType::f16, 4);
+  if (run().codec == "vq") {
+    for (const auto& [name, text] : std::vector<std::pair<std::string, std::string>>{
+             {"threshold", "-1"},
+             {"threshold", "x"},
+             {"threshold", ""},
+             {"threshold", "1,"},
+             {"threshold", "nan"},
+             {"threshold", "1,1,1,1,1,1,1,1,1"},
+             {"samples", "101"},
+             {"samples", "1,2,3"},
+             {"grid", "round"},
+             {"slices", "11,11"},
+         }) {
+      expect_error(ErrorKind::input, {"--" + name, text}, [&] {
+        run().encode(*source, {{name, text}}, Storage::f16);
+      });
+    }
+    return;
+  }
   for (const char* text : {"0", "-1", "x", "", "3.5", "99999999999999999999999"}) {
     expect_error(ErrorKind::input, {"--rank", text}, [&] {
       run().encode(*source, {{"rank", text}}, Storage::f16);

@@ -14,6 +14,7 @@
 #include "support/memory_btf.hpp"
 #include "support/temporary_folder.hpp"
 #include "weft/btf/adapt.hpp"
+#include "weft/btf/texel_block.hpp"
 #include "weft/codecs/colour_source.hpp"
 #include "weft/codecs/compress.hpp"
 
@@ -34,6 +35,7 @@ class EveryTransform : public testing::TestWithParam<CodecRun> {
     CompressRequest request;
     request.codec = &run().get();
     request.parameters = {{"rank", std::to_string(k)}};
+    if (run().codec == "vq") request.parameters = {{"threshold", k == 1000 ? "0" : "0.1"}};
     if (run().codec == "sparse") {
       request.parameters["atoms"] = "1024";
       request.parameters["iterations"] = "3";
@@ -355,6 +357,31 @@ TEST(ColourSource, RefusesWhatHasNoTransform) {
   TransformedSource zeroed(*bad, choose_colour_transform(*bad, {Kind::ycrcb, {}}, job), true);
   zeroed.read(2, 1, image);
   for (const double value : decode_values(image, DType::f32)) EXPECT_TRUE(std::isfinite(value));
+}
+
+// Parts of images, of sources that are mapped or give parts themselves, are those of the images.
+TEST(TransformedParts, AreThoseOfTheImages) {
+  const BtfShape shape{3, 4, 5, 6, 3};
+  const std::vector<std::byte> bytes = encode_values(random_values(shape.values(), 5), DType::u8);
+  Job job;
+  for (const bool mapped : {true, false}) {
+    MemorySource memory(make_info(shape, DType::u8), bytes, mapped);
+    TransformedSource inner(memory, choose_colour_transform(memory, {Kind::ycrcb, {}}, job), false);
+    TransformedSource outer(inner, choose_colour_transform(inner, {Kind::log, {}}, job), false);
+    std::vector<std::byte> image(outer.info().image_bytes());
+    std::vector<std::byte> part(7 * 3 * sizeof(float));
+    for (const std::size_t i : {std::size_t{0}, shape.images() - 1}) {
+      outer.read(i, 1, image);
+      ASSERT_EQ(outer.read_part(i, 11, 7, part), mapped);
+      if (!mapped) continue;
+      EXPECT_TRUE(std::equal(part.begin(), part.end(),
+                             image.begin() + static_cast<std::ptrdiff_t>(11 * 3 * sizeof(float))));
+    }
+    std::vector<std::byte> block(shape.images() * part.size());
+    read_texels(outer, 11, 7, block);
+    EXPECT_TRUE(std::equal(block.end() - static_cast<std::ptrdiff_t>(part.size()), block.end(),
+                           image.begin() + static_cast<std::ptrdiff_t>(11 * 3 * sizeof(float))));
+  }
 }
 
 }  // namespace

@@ -50,7 +50,14 @@ class WeightedCodec : public testing::TestWithParam<CodecRun> {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(Table, WeightedCodec, testing::ValuesIn(every_run()), run_name);
+// Those of codecs that take weights.
+std::vector<CodecRun> weighted_runs() {
+  std::vector<CodecRun> runs = every_run();
+  std::erase_if(runs, [](const CodecRun& run) { return !run.get().takes_weights(); });
+  return runs;
+}
+
+INSTANTIATE_TEST_SUITE_P(Table, WeightedCodec, testing::ValuesIn(weighted_runs()), run_name);
 
 // Of mean 1, over some powers of ten.
 std::vector<double> spread(std::size_t count, std::uint64_t seed, double decades) {
@@ -289,6 +296,19 @@ TEST_P(WeightedCodec, WeightedErrorsAreSumsWithWeights) {
   }
   EXPECT_NEAR(error(*model, *source, weights), std::sqrt(difference / reference),
               1e-4 * std::sqrt(difference / reference));
+}
+
+TEST(WeightedFit, CodecsThatTakeNoWeightsSayIt) {
+  const auto source = random_source({2, 3, 4, 5, 3}, DType::f16, 5);
+  Weights weights;
+  weights.views = {0.5, 1.5};
+  for (const CodecRun& run : every_run()) {
+    if (run.get().takes_weights()) continue;
+    Job job;
+    expect_error(ErrorKind::input, {"--weights", run.codec},
+                 [&] { WeightedFit(run.get(), {}, *source, weights, job); });
+    WeightedFit(run.get(), {}, *source, {}, job);  // all are equal: there are none
+  }
 }
 
 }  // namespace

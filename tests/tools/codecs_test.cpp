@@ -30,6 +30,8 @@ class CodecProcess : public testing::TestWithParam<std::string> {
   }
   std::string raw() const { return folder_ / "cloth.safetensors"; }
   std::string path(const std::string& name) const { return folder_ / name; }
+  // The option that says how large a model is, where 4 is a legal value of it.
+  static std::string size() { return GetParam() == "vq" ? "--threshold" : "--rank"; }
 
   TemporaryFolder folder_;
 };
@@ -50,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(Table, CodecProcess, testing::ValuesIn(codec_names()),
 TEST_P(CodecProcess, CompressesVerifiesAndDecompresses) {
   for (const std::string storage : {"f16", "f32"}) {
     const std::string model = path(storage + ".weft");
-    const ProcessResult compressed = run_weft({"compress", raw(), "--codec", GetParam(), "--rank",
+    const ProcessResult compressed = run_weft({"compress", raw(), "--codec", GetParam(), size(),
                                                "4", "--storage", storage, "--json", "-o", model});
     ASSERT_EQ(compressed.status, 0) << compressed.err;
     EXPECT_EQ(json::parse(compressed.out).at("codec"), GetParam());
@@ -72,7 +74,7 @@ TEST_P(CodecProcess, CompressesVerifiesAndDecompresses) {
 }
 
 TEST_P(CodecProcess, ReferenceNeedsNoDevice) {
-  const ProcessResult result = run_weft({"compress", raw(), "--codec", GetParam(), "--rank", "4",
+  const ProcessResult result = run_weft({"compress", raw(), "--codec", GetParam(), size(), "4",
                                          "--device", "reference", "-o", path("r.weft")},
                                         {{"OCL_ICD_VENDORS", path("no-drivers")}});
   ASSERT_EQ(result.status, 0) << result.err;
@@ -81,7 +83,7 @@ TEST_P(CodecProcess, ReferenceNeedsNoDevice) {
 
 TEST_P(CodecProcess, ModelsAreTheSameTwice) {
   for (const std::string name : {"a.weft", "b.weft"}) {
-    ASSERT_EQ(run_weft({"compress", raw(), "--codec", GetParam(), "--rank", "4", "--seed", "7",
+    ASSERT_EQ(run_weft({"compress", raw(), "--codec", GetParam(), size(), "4", "--seed", "7",
                         "--memory", name == "a.weft" ? "1GiB" : "100MiB", "-o", path(name)})
                   .status,
               0);

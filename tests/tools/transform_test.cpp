@@ -60,9 +60,9 @@ TEST_P(TransformProcess, CompressesVerifiesAndDecompresses) {
   const std::string model = folder / "m.weft";
   for (const std::string& transform : transforms) {
     SCOPED_TRACE(transform);
-    const ProcessResult made =
-        run_weft({"compress", raw, "--codec", GetParam(), "--rank", "4", "--transform", transform,
-                  "--channel-weights", "1,0.5,0.5", "--json", "-o", model});
+    const ProcessResult made = run_weft(
+        {"compress", raw, "--codec", GetParam(), GetParam() == "vq" ? "--threshold" : "--rank", "4",
+         "--transform", transform, "--channel-weights", "1,0.5,0.5", "--json", "-o", model});
     ASSERT_EQ(made.status, 0) << made.err;
     const json chosen = json::parse(made.out).at("colour_transform");
     EXPECT_EQ(chosen.at("name"), transform);

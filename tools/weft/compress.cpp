@@ -158,7 +158,9 @@ void run_compress(const CompressOptions& options) {
   request.parameters = options.parameters;
   request.storage = storage;
   request.selection = to_json(selection);
-  request.colour = make_colour_request(options.transform);
+  request.colour =
+      make_colour_request(options.transform, codec ? codec->own_transform(source->info())
+                                                   : ColourTransform::Kind::none);
   request.weights = weights;
   if (!options.weights.empty()) request.weights_json = weights_json(options.weights, weights);
   request.peak = options.peak;

@@ -29,6 +29,7 @@ void add_import(CLI::App& program, Action& action);
 void add_resample(CLI::App& program, Action& action);
 void add_compress(CLI::App& program, Action& action);
 void add_reduce(CLI::App& program, Action& action);
+void add_enlarge(CLI::App& program, Action& action);
 void add_decompress(CLI::App& program, Action& action);
 void add_verify(CLI::App& program, Action& action);
 void add_info(CLI::App& program, Action& action);
@@ -44,8 +45,9 @@ namespace {
 using AddSubcommand = void (*)(CLI::App&, Action&);
 // In the order of --help, which is the order of work.
 constexpr AddSubcommand subcommands[] = {
-    add_synth, add_import,   add_resample, add_compress, add_reduce,  add_decompress, add_verify,
-    add_info,  add_tradeoff, add_render,   add_sheet,    add_devices, add_bench,      add_tune,
+    add_synth,   add_import,     add_resample, add_compress, add_reduce,
+    add_enlarge, add_decompress, add_verify,   add_info,     add_tradeoff,
+    add_render,  add_sheet,      add_devices,  add_bench,    add_tune,
 };
 
 constexpr int bad_usage = static_cast<int>(ErrorKind::input);

@@ -35,10 +35,12 @@ std::vector<double> parse_weights(const std::string& text) {
 
 void add_transform_options(CLI::App& command, TransformOptions& options) {
   command
-      .add_option("--transform", options.transform,
-                  "What is fitted instead of the values: none; log, sgn(x) ln(1 + |x| / s) with s "
-                  "the data's mean magnitude; ycrcb (BT.601), for 8-bit data; logluv, for "
-                  "high-dynamic-range data; decorrelated, along the channels' principal axes")
+      .add_option(
+          "--transform", options.transform,
+          "What is fitted instead of the values: none; log, sgn(x) ln(1 + |x| / s) with s "
+          "the data's mean magnitude; ycrcb (BT.601), for 8-bit data; logluv, for "
+          "high-dynamic-range data; decorrelated, along the channels' principal axes. Without "
+          "it, the codec's own, which is none where its help does not say otherwise")
       ->type_name("NAME");
   command
       .add_option("--channel-weights", options.channel_weights,
@@ -47,9 +49,11 @@ void add_transform_options(CLI::App& command, TransformOptions& options) {
       ->type_name("NUMBERS");
 }
 
-ColourRequest make_colour_request(const TransformOptions& options) {
+ColourRequest make_colour_request(const TransformOptions& options, ColourTransform::Kind own) {
   ColourRequest request;
-  request.kind = colour_transform_from_name(options.transform, "--transform");
+  request.kind = options.transform.empty()
+                     ? own
+                     : colour_transform_from_name(options.transform, "--transform");
   if (!options.channel_weights.empty()) request.weights = parse_weights(options.channel_weights);
   return request;
 }

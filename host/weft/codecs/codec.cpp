@@ -15,6 +15,7 @@
 #include "weft/codecs/tt.hpp"
 #include "weft/codecs/tucker.hpp"
 #include "weft/codecs/view_pca.hpp"
+#include "weft/codecs/vq.hpp"
 #include "weft/error.hpp"
 #include "weft/model/channel_part.hpp"
 #include "weft/model/occlusion.hpp"
@@ -147,6 +148,11 @@ bool Codec::separates_texels(const Parameters& parameters, const BtfShape& shape
   return false;
 }
 
+ColourTransform::Kind Codec::own_transform(const BtfInfo& source) const {
+  (void)source;
+  return ColourTransform::Kind::none;
+}
+
 std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) const {
   if (const ChannelPart* part = as_part(model)) {
     return with_channels(part->whole().info.btf.shape, part->channels(),
@@ -220,9 +226,9 @@ double lookup_tolerance(const Codec& codec, const Model& model, const LookupShap
 }
 
 std::span<const Codec* const> codecs() {
-  static const std::array<const Codec*, 8> table{
-      &pca_codec(), &view_pca_codec(), &lpca_codec(), &sparse_codec(),
-      &tt_codec(),  &tucker_codec(),   &cta_codec(),  &kcta_codec()};
+  static const std::array<const Codec*, 9> table{
+      &pca_codec(),    &view_pca_codec(), &lpca_codec(), &sparse_codec(), &tt_codec(),
+      &tucker_codec(), &cta_codec(),      &kcta_codec(), &vq_codec()};
   return table;
 }
 

@@ -82,6 +82,11 @@ class Codec {
   // products of factors of both.
   virtual bool separates_texels(const Parameters& parameters, const BtfShape& shape) const;
 
+  // Whether weights can be divided out of its models.
+  virtual bool takes_weights() const { return true; }
+  // The colour transform of what it is to fit, where a user asks for none.
+  virtual ColourTransform::Kind own_transform(const BtfInfo& source) const;
+
   // Fits a model to all of `source`. Its real-valued tensors are rounded to `storage`; info.errors
   // is left to the caller, who measures (see measure.hpp). Throws input errors for parameters that
   // make no sense, for NaN or infinite values (naming the first) and for a plan beyond job.memory.

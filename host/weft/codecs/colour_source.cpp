@@ -158,21 +158,49 @@ TransformedSource::TransformedSource(TileSource& source, ColourTransform transfo
   info_.dtype = DType::f32;
 }
 
-void TransformedSource::read(std::size_t first, std::size_t count, std::span<std::byte> out) {
+void TransformedSource::give(std::size_t texels, std::span<std::byte> out) {
   const std::size_t channels = info_.shape.channels;
+  const std::span<double> values = std::span(image_).first(texels * channels);
+  for (std::size_t p = 0; p < values.size(); p += channels) {
+    transform_.apply(values.subspan(p, channels));
+  }
+  std::transform(values.begin(), values.end(), values_.begin(),
+                 [](double value) { return static_cast<float>(value); });
+  std::memcpy(out.data(), values_.data(), out.size());
+}
+
+void TransformedSource::read(std::size_t first, std::size_t count, std::span<std::byte> out) {
   for (std::size_t i = 0; i < count; ++i) {
     reference::read_tile(source_, first + i, 1, nan_zero_, image_);
-    for (std::size_t p = 0; p < image_.size(); p += channels) {
-      transform_.apply(std::span(image_).subspan(p, channels));
-    }
-    std::transform(image_.begin(), image_.end(), values_.begin(),
-                   [](double value) { return static_cast<float>(value); });
-    std::memcpy(out.data() + i * info_.image_bytes(), values_.data(), info_.image_bytes());
+    give(info_.shape.texels(), out.subspan(i * info_.image_bytes(), info_.image_bytes()));
   }
+}
+
+bool TransformedSource::read_part(std::size_t image, std::size_t first, std::size_t count,
+                                  std::span<std::byte> out) {
+  const BtfInfo& given = source_.info();
+  const std::size_t texel_bytes = given.shape.channels * size_of(given.dtype);
+  std::span<const std::byte> raw = source_.mapped(image, 1);
+  std::vector<std::byte> part;
+  if (!raw.empty()) {
+    raw = raw.subspan(first * texel_bytes, count * texel_bytes);
+  } else {
+    part.resize(count * texel_bytes);
+    if (!source_.read_part(image, first, count, part)) return false;
+    raw = part;
+  }
+  reference::to_double(given.dtype, raw, nan_zero_,
+                       std::span(image_).first(count * given.shape.channels));
+  give(count, out);
+  return true;
 }
 
 void TransformedSource::prefetch(std::size_t first, std::size_t count) {
   source_.prefetch(first, count);
+}
+
+void TransformedSource::release(std::size_t first, std::size_t count) {
+  source_.release(first, count);
 }
 
 }  // namespace weft

@@ -41,13 +41,19 @@ class TransformedSource final : public TileSource {
 
   const BtfInfo& info() const override { return info_; }
   void read(std::size_t first, std::size_t count, std::span<std::byte> out) override;
+  bool read_part(std::size_t image, std::size_t first, std::size_t count,
+                 std::span<std::byte> out) override;
   void prefetch(std::size_t first, std::size_t count) override;
+  void release(std::size_t first, std::size_t count) override;
   // Bytes of host memory that it holds.
   static std::size_t bytes(const BtfShape& shape) {
     return shape.image_values() * (sizeof(double) + sizeof(float));
   }
 
  private:
+  // The first `texels` texels of image_, transformed, to `out`.
+  void give(std::size_t texels, std::span<std::byte> out);
+
   TileSource& source_;
   ColourTransform transform_;
   bool nan_zero_;

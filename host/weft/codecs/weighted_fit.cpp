@@ -10,6 +10,10 @@ namespace {
 // divides by these.
 Weights divisible(const Codec& codec, const Parameters& parameters, const BtfShape& shape,
                   const Weights& weights) {
+  if (!codec.takes_weights() && !weights.all_equal()) {
+    fail_input("--weights: codec {} takes none: its code-books are shared among all directions",
+               codec.name());
+  }
   Weights result = weights;
   if (weights.texels.empty() || !codec.separates_texels(parameters, shape)) return result;
   const auto split = rows_and_columns(weights.texels, shape.height, shape.width);

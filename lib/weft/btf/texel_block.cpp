@@ -20,15 +20,17 @@ void read_texels(TileSource& source, std::size_t first, std::size_t count,
   constexpr std::size_t run = 64;  // images that are released together
   std::vector<std::byte> whole;
   for (std::size_t image = 0; image < shape.images(); ++image) {
+    const std::span<std::byte> part = out.subspan(image * count * texel_bytes, count * texel_bytes);
     std::span<const std::byte> values = source.mapped(image, 1);
-    if (values.empty()) {
-      whole.resize(info.image_bytes());
-      source.read(image, 1, whole);
-      values = whole;
+    if (!values.empty() || !source.read_part(image, first, count, part)) {
+      if (values.empty()) {
+        whole.resize(info.image_bytes());
+        source.read(image, 1, whole);
+        values = whole;
+      }
+      const auto texels = values.subspan(first * texel_bytes, part.size());
+      std::copy(texels.begin(), texels.end(), part.begin());
     }
-    const std::span<const std::byte> texels =
-        values.subspan(first * texel_bytes, count * texel_bytes);
-    std::copy(texels.begin(), texels.end(), out.data() + image * count * texel_bytes);
     const std::size_t done = image % run + 1;
     if (done == run || image + 1 == shape.images()) source.release(image + 1 - done, done);
   }

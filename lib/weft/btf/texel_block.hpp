@@ -10,8 +10,8 @@
 namespace weft {
 
 // Copies texels [first, first + count) of all images to `out`, [images][count][C] in the source's
-// dtype, and releases the images. Of mapped images only these texels are touched; other images are
-// read whole, one at a time.
+// dtype, and releases the images. Of mapped images, and of sources that read parts, only these
+// texels are touched; other images are read whole, one at a time.
 void read_texels(TileSource& source, std::size_t first, std::size_t count,
                  std::span<std::byte> out);
 

@@ -39,6 +39,17 @@ class TileSource {
     return {};
   }
 
+  // Copies texels [first, first + count) of one image to `out`, [count][C], where a source that is
+  // not mapped can do that without all of the image; false where it can't. Values are not checked.
+  virtual bool read_part(std::size_t image, std::size_t first, std::size_t count,
+                         std::span<std::byte> out) {
+    (void)image;
+    (void)first;
+    (void)count;
+    (void)out;
+    return false;
+  }
+
   // Says that images [first, first + count) will be asked for soon; a mapped source has the system
   // read their pages meanwhile.
   virtual void prefetch(std::size_t first, std::size_t count) {

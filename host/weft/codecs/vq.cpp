@@ -1,0 +1,260 @@
+#include "weft/codecs/vq.hpp"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <functional>
+#include <string_view>
+#include <utility>
+
+#include "weft/codecs/fit_goal.hpp"
+#include "weft/codecs/measure.hpp"
+#include "weft/codecs/vq_decoder.hpp"
+#include "weft/codecs/vq_engine.hpp"
+#include "weft/codecs/vq_goal.hpp"
+#include "weft/error.hpp"
+#include "weft/model/storage.hpp"
+#include "weft/reference/vq.hpp"
+
+namespace weft {
+namespace {
+
+// From so many views and lights on, onion slices are what is between them.
+constexpr std::size_t least_directions = 16;
+
+constexpr std::array<ParameterSpec, 4> vq_parameters{{
+    {"threshold", "0.1",
+     "largest root mean square of differences of a texel from its code-vector, as a part of the "
+     "data's; or eight, of P4,P3,M,P2,P1,I2,I1,C; what is not given is 0.4 of the mean square of "
+     "the level above"},
+    {"grid", "auto",
+     "directions of code-books: onion (slices of the hemisphere of lights, turned with the view), "
+     "measured (those of the data), or auto: onion from 16 views and lights on"},
+    {"slices", "11,11,7,16", "sizes alpha,beta,theta,phi of onion slices"},
+    {"samples", "1,4",
+     "percent of the texels that code-books begin with, and that complete them; at least 256 and "
+     "768 texels, at most 1024 and 3072"},
+}};
+
+const VqModel& as_vq(const Model& model) {
+  return dynamic_cast<const VqModel&>(model);
+}
+
+std::string_view text_of(const Parameters& parameters, std::string_view name) {
+  const auto found = parameters.find(name);
+  if (found != parameters.end()) return found->second;
+  return std::find_if(vq_parameters.begin(), vq_parameters.end(),
+                      [&](const ParameterSpec& spec) { return spec.name == name; })
+      ->default_value;
+}
+
+// Numbers from 0 to `largest` with commas between them, 1 to `most` of them.
+std::vector<double> numbers_of(const Parameters& parameters, std::string_view name,
+                               std::size_t most, double largest) {
+  const std::string_view text = text_of(parameters, name);
+  std::vector<double> numbers;
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  for (bool more = true; more; ++at) {
+    double value = 0;
+    const auto [stop, status] = std::from_chars(at, end, value);
+    // written so that NaN fails
+    if (status != std::errc() || (stop != end && *stop != ',') ||
+        !(value >= 0 && value <= largest) || numbers.size() == most) {
+      fail_input("--{} {}: 1 to {} numbers from 0 to {} are needed, with commas between them", name,
+                 text, most, largest);
+    }
+    numbers.push_back(value);
+    at = stop;
+    more = at != end;
+  }
+  return numbers;
+}
+
+// Of P4, P3, M, P2, P1, I2, I1 and C; those that are not given follow the others.
+VqThresholds thresholds_of(const std::vector<double>& given) {
+  // 0.4 of the mean square (section 4.4.1)
+  const double below = std::sqrt(0.4);
+  VqThresholds t;
+  const auto level = [&](std::size_t i, double otherwise) {
+    return i < given.size() ? given[i] : otherwise;
+  };
+  t.p4 = level(0, 0);
+  t.p3 = level(1, below * t.p4);
+  t.m = level(2, below * t.p3);
+  t.p2 = level(3, below * t.m);
+  t.p1 = level(4, below * t.p2);
+  t.i2 = level(5, t.p2);
+  t.i1 = level(6, t.p1);
+  t.c = level(7, below * t.i1);
+  return t;
+}
+
+VqGrid grid_of(const Parameters& parameters, const BtfInfo& source) {
+  const std::string_view name = text_of(parameters, "grid");
+  if (name != "auto" && name != "onion" && name != "measured") {
+    fail_input("--grid {}: onion, measured or auto is needed", name);
+  }
+  const OnionSizes sizes = parse_onion_sizes(text_of(parameters, "slices"), "--slices");
+  const BtfShape& shape = source.shape;
+  const bool enough = source.layout == Layout::grid && shape.views >= least_directions &&
+                      shape.lights >= least_directions;
+  if (name == "measured" || (name == "auto" && !enough)) {
+    if (parameters.contains("slices")) {
+      fail_input("--slices {}: of onion slices; these {} views and {} lights are {}",
+                 text_of(parameters, "slices"), shape.views, shape.lights,
+                 name == "measured" ? "taken as measured"
+                                    : "too few: --grid onion takes them nevertheless");
+    }
+    return VqGrid::measured(shape);
+  }
+  return {VqGrid::Kind::onion, sizes};
+}
+
+VqRequest request_of(const Parameters& parameters, const BtfInfo& source) {
+  VqRequest request;
+  request.thresholds = thresholds_of(numbers_of(parameters, "threshold", 8, 1e6));
+  request.grid = grid_of(parameters, source);
+  const std::vector<double> samples = numbers_of(parameters, "samples", 2, 100);
+  request.first_part = samples[0] / 100;
+  request.second_part = (samples.size() > 1 ? samples[1] : 4 * samples[0]) / 100;
+  return request;
+}
+
+class VqCodec final : public Codec {
+ public:
+  std::string_view name() const override { return "vq"; }
+  std::string_view summary() const override {
+    return "multi-level vector quantisation: nested code-books of luminance and chromaticity";
+  }
+  std::span<const ParameterSpec> parameters() const override { return vq_parameters; }
+
+  bool takes_weights() const override { return false; }
+  // Luminance is to be a channel of its own: YCrCb of 8-bit data, LogLuv of others (section 4.3).
+  ColourTransform::Kind own_transform(const BtfInfo& source) const override {
+    if (source.shape.channels != 3) return ColourTransform::Kind::none;
+    return source.dtype == DType::u8 ? ColourTransform::Kind::ycrcb : ColourTransform::Kind::logluv;
+  }
+
+  bool takes_goals() const override { return true; }
+
+  std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
+                                Storage storage, Job& job) const override {
+    const VqRequest request = request_of(parameters, source.info());
+    job.plan(plan_device_vq(device, source.info(), request, job));
+    const std::unique_ptr<VqEngine> engine = device_vq_engine(device, source.info(), request);
+    return fit(source, *engine, request, parameters, storage, job, [&](const VqModel& model) {
+      return measure_errors(device, *vq_decoder(device, model), source, job);
+    });
+  }
+
+  std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
+                                          Storage storage, Job& job) const override {
+    const VqRequest request = request_of(parameters, source.info());
+    job.plan(plan_vq(source.info(), request, job));
+    const std::unique_ptr<VqEngine> engine = reference::vq_engine(source.info(), request);
+    return fit(source, *engine, request, parameters, storage, job, [&](const VqModel& model) {
+      return measure_errors(*vq_reference_decoder(model), source, job);
+    });
+  }
+
+  std::unique_ptr<Model> fitted_part(const Model& model,
+                                     const Selection& selection) const override {
+    return as_vq(model).select(selection);
+  }
+
+  std::unique_ptr<DeviceDecoder> fitted_decoder(Device& device, const Model& model) const override {
+    return vq_decoder(device, as_vq(model));
+  }
+  std::size_t fitted_decoder_bytes(const Model& model) const override {
+    return vq_decoder_bytes(as_vq(model));
+  }
+  std::unique_ptr<ReferenceDecoder> fitted_reference_decoder(const Model& model) const override {
+    return vq_reference_decoder(as_vq(model));
+  }
+
+  std::unique_ptr<DeviceSampler> fitted_sampler(Device& device, const Model& model) const override {
+    return vq_sampler(device, as_vq(model));
+  }
+  std::size_t fitted_sampler_bytes(const Model& model) const override {
+    return vq_sampler_bytes(as_vq(model));
+  }
+
+  double fitted_tolerance(const Model& model) const override {
+    return vq_decode_tolerance(as_vq(model));
+  }
+
+  std::unique_ptr<Model> read(const ModelFile& file) const override { return VqModel::read(file); }
+
+ private:
+  using Measure = std::function<ErrorSums(const VqModel& model)>;
+
+  std::unique_ptr<Model> fit(TileSource& source, VqEngine& engine, const VqRequest& request,
+                             const Parameters& parameters, Storage storage, Job& job,
+                             const Measure& measure) const {
+    VqFitter fitter(source, engine, request, job);
+    const FitGoal goal = fit_goal(parameters, source.info());
+    std::size_t trained = 0;
+    const auto fit_with = [&](const VqThresholds& thresholds) {
+      VqFit result = fitter.fit(thresholds);
+      trained = result.trained;
+      describe(*result.model, source.info(), request, thresholds, storage);
+      round_to_storage(*result.model);
+      return std::move(result.model);
+    };
+    std::unique_ptr<VqModel> model;
+    if (!goal) {
+      model = fit_with(request.thresholds);
+    } else {
+      // thresholds that are given are the least
+      const bool given = parameters.contains("threshold") && request.thresholds.p4 > 0;
+      const VqThresholds unit =
+          given ? request.thresholds.times(1 / request.thresholds.p4) : thresholds_of({1.0});
+      VqGoalSteps steps;
+      steps.fit = [&](double factor) { return fit_with(unit.times(factor)); };
+      steps.relative_error = [&](const VqModel& fitted) {
+        const ErrorSums sums = measure(fitted);
+        return std::sqrt(sums.square_difference / sums.square_reference);
+      };
+      model = meet_vq_goal(goal, given ? request.thresholds.p4 : 0, steps, job);
+    }
+    const OnionSizes& n = model->grid.sizes;
+    const VqModel::Sizes& s = model->sizes;
+    job.notes.push_back(fmt::format(
+        "{} x {} x {} x {} nodes of {}; code-books of {} texels: P4 {}, P3 {}, M {}, P2 {}, P1 {}, "
+        "I2 {}, I1 {}, C {}",
+        n.phi, n.theta, n.alpha, n.beta,
+        model->grid.kind == VqGrid::Kind::onion ? "onion slices" : "measured directions", trained,
+        s.p4, s.p3, s.m, s.p2, s.p1, s.i2, s.i1, s.c));
+    return model;
+  }
+
+  void describe(VqModel& model, const BtfInfo& source, const VqRequest& request,
+                const VqThresholds& t, Storage storage) const {
+    const OnionSizes& n = model.grid.sizes;
+    const VqModel::Sizes& s = model.sizes;
+    model.info.codec = name();
+    model.info.storage = storage;
+    model.info.btf = source;
+    model.info.parameters = fmt::format(
+        R"({{"threshold":[{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}],"grid":"{}",)"
+        R"("slices":[{},{},{},{}],"samples":[{:.6g},{:.6g}],"sizes":{{"P4":{},"P3":{},"M":{},)"
+        R"("P2":{},"P1":{},"I2":{},"I1":{},"C":{}}}}})",
+        t.p4, t.p3, t.m, t.p2, t.p1, t.i2, t.i1, t.c,
+        model.grid.kind == VqGrid::Kind::onion ? "onion" : "measured", n.alpha, n.beta, n.theta,
+        n.phi, 100 * request.first_part, 100 * request.second_part, s.p4, s.p3, s.m, s.p2, s.p1,
+        s.i2, s.i1, s.c);
+  }
+};
+
+}  // namespace
+
+const Codec& vq_codec() {
+  static const VqCodec codec;
+  return codec;
+}
+
+}  // namespace weft

@@ -1,0 +1,351 @@
+#include "weft/reference/vq.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "weft/btf/resampling.hpp"
+#include "weft/btf/texel_block.hpp"
+#include "weft/error.hpp"
+#include "weft/reference/tile.hpp"
+
+namespace weft {
+namespace {
+
+// Texels whose code-vectors are found together: see vq_code_books.hpp.
+constexpr std::size_t batch = 64;
+
+// The second step's thresholds: 2.5 times the mean square error of the first's.
+const double second_step = std::sqrt(2.5);
+
+// Van der Corput's sequence: the digits of i mirrored at the point.
+double radical_inverse(std::size_t i, std::size_t base) {
+  double value = 0;
+  double place = 1;
+  for (; i > 0; i /= base) {
+    place /= static_cast<double>(base);
+    value += place * static_cast<double>(i % base);
+  }
+  return value;
+}
+
+std::size_t part_of(double part, std::size_t whole, std::size_t least, std::size_t most) {
+  const auto count = static_cast<std::size_t>(std::ceil(part * static_cast<double>(whole)));
+  return std::min(std::clamp(count, least, most), whole);
+}
+
+// The exponent that brings the largest magnitude into [0.5, 1).
+int unit_exponent(double largest) {
+  int exponent = 0;
+  std::frexp(largest, &exponent);
+  return largest > 0 ? -exponent : 0;
+}
+
+void scale_all(std::span<float> values, int exponent) {
+  for (float& value : values) value = static_cast<float>(std::ldexp(double{value}, exponent));
+}
+
+double root_mean_square(std::span<const float> rows, const VectorShape& shape) {
+  double sum = 0;
+  for (std::size_t row = 0; row < rows.size(); row += shape.values()) {
+    for (std::size_t i = 0; i < shape.luminances; ++i) {
+      sum += double{rows[row + i]} * double{rows[row + i]};
+    }
+  }
+  const std::size_t count = rows.size() / shape.values() * shape.luminances;
+  return std::sqrt(sum / static_cast<double>(std::max<std::size_t>(count, 1)));
+}
+
+}  // namespace
+
+VqTraining vq_training(const BtfShape& shape, const VqRequest& request) {
+  VqTraining training;
+  const std::size_t P = shape.texels();
+  training.first = part_of(request.first_part, P, 256, 1024);
+  const std::size_t second =
+      std::min(part_of(request.second_part, P, 768, 3072), P - training.first);
+  const std::size_t wanted = training.first + second;
+  std::vector<bool> taken(P, false);
+  const auto take = [&](std::size_t p) {
+    if (training.texels.size() == wanted || taken[p]) return;
+    taken[p] = true;
+    training.texels.push_back(p);
+  };
+  for (std::size_t i = 1; i <= 8 * P && training.texels.size() < wanted; ++i) {
+    const double across = radical_inverse(i, 2) * static_cast<double>(shape.width);
+    const double down = radical_inverse(i, 3) * static_cast<double>(shape.height);
+    take(std::min(static_cast<std::size_t>(down), shape.height - 1) * shape.width +
+         std::min(static_cast<std::size_t>(across), shape.width - 1));
+  }
+  for (std::size_t p = 0; p < P; ++p) take(p);
+  return training;
+}
+
+void measured_rows(const BtfShape& shape, std::span<const float> values, std::size_t count,
+                   std::span<float> rows) {
+  const std::size_t C = shape.channels;
+  const std::size_t images = shape.images();
+  for (std::size_t p = 0; p < count; ++p) {
+    float* luminance = rows.data() + p * images * C;
+    float* chromaticity = luminance + images;
+    for (std::size_t image = 0; image < images; ++image) {
+      const float* value = values.data() + (image * count + p) * C;
+      *luminance++ = value[0];
+      chromaticity = std::copy(value + 1, value + C, chromaticity);
+    }
+  }
+}
+
+std::size_t vq_block(const BtfInfo& source, const VqRequest& request) {
+  constexpr std::size_t bytes = std::size_t{32} << 20;
+  constexpr std::size_t vectors = 64;
+  const std::size_t row =
+      texel_vector(request.grid, source.shape.channels).values() * sizeof(float);
+  return std::min(std::max<std::size_t>(bytes / row / vectors, 1) * vectors, source.shape.texels());
+}
+
+MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& job) {
+  const BtfShape& shape = source.shape;
+  const std::size_t row = texel_vector(request.grid, shape.channels).values() * sizeof(float);
+  const std::size_t measured = shape.images() * shape.channels;
+  const VqTraining training = vq_training(shape, request);
+  const std::size_t count = vq_block(source, request);
+  MemoryPlan plan;
+  plan.limit = job.memory;
+  plan.items = job.held;
+  plan.add("an image", shape.image_values() * (sizeof(double) + sizeof(float)));
+  plan.add("texels for the code-books", training.texels.size() * measured * sizeof(float));
+  plan.add("a block of texels",
+           count * (measured * (sizeof(double) + 2 * sizeof(float)) + 3 * row));
+  // all of the texels, each on four levels, at most; half of the memory, where that is less
+  plan.add("code-vectors", std::min(4 * training.texels.size() * row, job.memory / 2));
+  return plan;
+}
+
+VqFitter::VqFitter(TileSource& source, VqEngine& engine, const VqRequest& request, Job& job)
+    : source_(source),
+      engine_(engine),
+      request_(request),
+      job_(job),
+      shape_(source.info().shape),
+      vector_(texel_vector(request.grid, shape_.channels)),
+      training_(vq_training(shape_, request)) {
+  read();
+}
+
+void VqFitter::read() {
+  const StageTimer timer(job_, "scan", 0, static_cast<double>(source_.info().bytes()));
+  kept_.resize(shape_.images() * training_.texels.size() * shape_.channels);
+  std::vector<double> image(shape_.image_values());
+  double largest = 0;
+  float* to = kept_.data();
+  for (std::size_t i = 0; i < shape_.images(); ++i) {
+    check_interrupt();
+    reference::read_tile(source_, i, 1, job_.nan_zero, image);
+    for (const double value : image) largest = std::max(largest, std::abs(value));
+    for (const std::size_t p : training_.texels) {
+      for (std::size_t c = 0; c < shape_.channels; ++c) {
+        *to++ = static_cast<float>(image[p * shape_.channels + c]);
+      }
+    }
+    job_.advance("scan", i + 1, shape_.images());
+  }
+  unit_ = unit_exponent(largest);
+  scale_all(kept_, unit_);
+}
+
+std::vector<float> VqFitter::training_rows(std::size_t first, std::size_t count) const {
+  const std::size_t C = shape_.channels;
+  std::vector<float> values(shape_.images() * count * C);
+  for (std::size_t i = 0; i < shape_.images(); ++i) {
+    const float* from = kept_.data() + (i * training_.texels.size() + first) * C;
+    std::copy(from, from + count * C, values.data() + i * count * C);
+  }
+  std::vector<float> rows(count * vector_.values());
+  engine_.resample(values, count, rows);
+  return rows;
+}
+
+VqFit VqFitter::fit(const VqThresholds& thresholds) {
+  const std::size_t trained = training_.texels.size();
+  VqFit fit;
+  fit.trained = trained;
+  fit.model = std::make_unique<VqModel>();
+  VqModel& model = *fit.model;
+  VqCodeBooks books(request_.grid, shape_.channels, job_.memory / 2);
+  {
+    const StageTimer timer(job_, "code-books");
+    const auto add = [&](std::size_t first, std::size_t end, const VqThresholds& bounds) {
+      for (; first < end; first += batch) {
+        check_interrupt();
+        const std::size_t count = std::min(batch, end - first);
+        books.add(training_rows(first, count), bounds, engine_.search());
+        job_.advance("code-books", first + count, trained);
+      }
+    };
+    const double luminance =
+        root_mean_square(training_rows(0, std::min(batch, training_.first)), vector_);
+    const VqThresholds bounds = thresholds.times(luminance);
+    add(0, training_.first, bounds);
+    add(training_.first, trained, bounds.times(second_step));
+    fit.luminance = std::ldexp(luminance, -unit_);
+  }
+  books.fill(model);
+  assign(model, books);
+  scale_all(model.p6.scales, -unit_);
+  scale_all(model.c, -unit_);
+  for (std::size_t channel = 0; channel < shape_.channels; ++channel) {
+    model.channels.push_back(static_cast<std::uint8_t>(channel));
+  }
+  model.seal();
+  return fit;
+}
+
+void VqFitter::assign(VqModel& model, const VqCodeBooks& books) {
+  const BtfInfo& info = source_.info();
+  const std::size_t texels = shape_.texels();
+  const double products =
+      2.0 * static_cast<double>(model.sizes.p4) * static_cast<double>(vector_.values());
+  const StageTimer timer(job_, "texels", products * static_cast<double>(texels),
+                         static_cast<double>(info.bytes()));
+  engine_.search().set(vector_, books.apparent_brdfs());
+  std::vector<std::uint32_t> entries(texels);
+  model.p6.scales.resize(texels);
+  const std::size_t block = vq_block(info, request_);
+  std::vector<std::byte> raw;
+  std::vector<double> exact;
+  std::vector<float> values, rows;
+  for (std::size_t first = 0; first < texels; first += block) {
+    check_interrupt();
+    const std::size_t count = std::min(block, texels - first);
+    exact.resize(shape_.images() * count * shape_.channels);
+    raw.resize(exact.size() * size_of(info.dtype));
+    read_texels(source_, first, count, raw);
+    reference::to_double(info.dtype, raw, job_.nan_zero, exact);
+    values.assign(exact.begin(), exact.end());
+    scale_all(values, unit_);
+    rows.resize(count * vector_.values());
+    engine_.resample(values, count, rows);
+    const std::span<float> scales = std::span(model.p6.scales).subspan(first, count);
+    for (std::size_t p = 0; p < count; ++p) {
+      scales[p] = mean_magnitude({rows.data() + p * vector_.values(), vector_.luminances});
+    }
+    const auto nearest = engine_.search().nearest({rows, scales});
+    std::copy(nearest.begin(), nearest.end(), entries.begin() + static_cast<std::ptrdiff_t>(first));
+    job_.advance("texels", first + count, texels);
+  }
+  model.p6.entries = PackedIndices(std::move(entries), model.sizes.p4);
+}
+
+namespace reference {
+namespace {
+
+class PlainEngine final : public VqEngine {
+ public:
+  PlainEngine(const BtfInfo& source, const VqRequest& request) : shape_(source.shape) {
+    if (request.grid.kind == VqGrid::Kind::onion) {
+      resampling_ = resample_to(source, request.grid.sizes);
+    }
+  }
+
+  NearestSearch& search() override { return search_; }
+
+  void resample(std::span<const float> values, std::size_t count, std::span<float> rows) override {
+    if (!resampling_) {
+      measured_rows(shape_, values, count, rows);
+      return;
+    }
+    const Resampling& r = *resampling_;
+    const std::size_t columns = count * shape_.channels;
+    const std::size_t nodes = r.new_views * r.new_lights;
+    const std::vector<double> made = zenith(values, columns);
+    // the lights of each frame, then the views; one light at a time
+    std::vector<double> lit(r.frames.size() * columns), resampled(columns);
+    for (std::size_t light = 0; light < r.new_lights; ++light) {
+      std::fill(lit.begin(), lit.end(), 0.0);
+      for (std::size_t f = 0; f < r.frames.size(); ++f) {
+        const Resampling::Frame& frame = r.frames[f];
+        const double* weights =
+            r.lights.data() + (frame.lights * r.new_lights + light) * r.measured_lights;
+        for (std::size_t l = 0; l < r.measured_lights; ++l) {
+          const std::size_t image = frame.view * r.measured_lights + l;
+          for (std::size_t i = 0; i < columns; ++i) {
+            const double value = frame.view < r.measured_views ? double{values[image * columns + i]}
+                                                               : made[l * columns + i];
+            lit[f * columns + i] += weights[l] * value;
+          }
+        }
+      }
+      for (std::size_t view = 0; view < r.new_views; ++view) {
+        std::fill(resampled.begin(), resampled.end(), 0.0);
+        for (std::size_t f = 0; f < r.frames.size(); ++f) {
+          const double weight = r.views[view * r.frames.size() + f];
+          for (std::size_t i = 0; i < columns; ++i) {
+            resampled[i] += weight * lit[f * columns + i];
+          }
+        }
+        const std::size_t node = view * r.new_lights + light;
+        for (std::size_t p = 0; p < count; ++p) {
+          put_node(resampled.data() + p * shape_.channels, node, nodes,
+                   rows.data() + p * nodes * shape_.channels);
+        }
+      }
+    }
+  }
+
+ private:
+  // The values of one texel at a node; luminance is not negative.
+  void put_node(const double* values, std::size_t node, std::size_t nodes, float* row) const {
+    row[node] = static_cast<float>(std::max(values[0], 0.0));
+    float* chromaticity = row + nodes + node * (shape_.channels - 1);
+    for (std::size_t c = 1; c < shape_.channels; ++c) {
+      chromaticity[c - 1] = static_cast<float>(values[c]);
+    }
+  }
+
+  // The zenith view that is made of the others, [L][columns].
+  std::vector<double> zenith(std::span<const float> values, std::size_t columns) const {
+    const Resampling& r = *resampling_;
+    std::vector<double> made;
+    if (r.zenith.empty()) return made;
+    made.assign(r.measured_lights * columns, 0.0);
+    for (std::size_t v = 0; v < r.measured_views; ++v) {
+      const float* view = values.data() + v * made.size();
+      for (std::size_t i = 0; i < made.size(); ++i) made[i] += r.zenith[v] * double{view[i]};
+    }
+    return made;
+  }
+
+  BtfShape shape_;
+  std::optional<Resampling> resampling_;
+  PlainSearch search_;
+};
+
+}  // namespace
+
+std::unique_ptr<VqEngine> vq_engine(const BtfInfo& source, const VqRequest& request) {
+  return std::make_unique<PlainEngine>(source, request);
+}
+
+void decode_vq(const VqModel& model, std::size_t first, std::size_t count, std::span<double> out) {
+  const BtfShape& shape = model.info.btf.shape;
+  const std::size_t given = 1 + model.chromaticities;
+  std::vector<double> entries(model.sizes.p4 * given);
+  for (std::size_t image = 0; image < count; ++image) {
+    const VqPlace place = vq_place(model.grid, model.info.btf, (first + image) / shape.lights,
+                                   (first + image) % shape.lights);
+    for (std::size_t j = 0; j < model.sizes.p4; ++j) {
+      model.entry_values(j, place, std::span(entries).subspan(j * given, given));
+    }
+    double* to = out.data() + image * shape.image_values();
+    for (std::size_t p = 0; p < shape.texels(); ++p) {
+      const double* entry = entries.data() + model.p6.entries[p] * given;
+      for (const std::uint8_t channel : model.channels) {
+        *to++ = channel == 0 ? double{model.p6.scales[p]} * entry[0] : entry[channel];
+      }
+    }
+  }
+}
+
+}  // namespace reference
+}  // namespace weft

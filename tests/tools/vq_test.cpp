@@ -1,0 +1,81 @@
+// weft compress --codec vq and weft enlarge, as processes.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "support/generators.hpp"
+#include "support/memory_btf.hpp"
+#include "support/temporary_folder.hpp"
+#include "tools/weft_process.hpp"
+#include "weft/io/raw_btf.hpp"
+
+namespace weft::test {
+namespace {
+
+using nlohmann::json;
+
+class VqProcess : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto source = random_source({17, 16, 12, 10, 3}, DType::u8, 3);
+    const auto sink = create_raw_btf(raw(), source->info());
+    sink->write(0, source->info().shape.images(), source->bytes());
+    sink->finish();
+  }
+  std::string raw() const { return folder_ / "cloth.safetensors"; }
+  std::string path(const std::string& name) const { return folder_ / name; }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(VqProcess, LuminanceIsAChannelOfItsOwn) {
+  const ProcessResult made = run_weft(
+      {"compress", raw(), "--codec", "vq", "--slices", "5,5,3,4", "--json", "-o", path("m.weft")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const json report = json::parse(made.out);
+  EXPECT_EQ(report.at("colour_transform").at("name"), "ycrcb");
+  EXPECT_EQ(report.at("parameters").at("grid"), "onion");
+  EXPECT_EQ(report.at("parameters").at("slices"), json({5, 5, 3, 4}));
+  EXPECT_EQ(run_weft({"verify", path("m.weft"), "--against", raw()}).status, 0);
+  EXPECT_EQ(run_weft({"render", path("m.weft"), "--size", "16x16", "-o", path("p.png")}).status, 0);
+  // scales and values of 8 bits, as the paper stores them
+  const ProcessResult eight = run_weft({"compress", raw(), "--codec", "vq", "--slices", "5,5,3,4",
+                                        "--storage", "q=8", "--json", "-o", path("q.weft")});
+  ASSERT_EQ(eight.status, 0) << eight.err;
+  EXPECT_LT(json::parse(eight.out).at("file_size"), report.at("file_size"));
+  const ProcessResult plain = run_weft({"compress", raw(), "--codec", "vq", "--grid", "measured",
+                                        "--transform", "none", "--json", "-o", path("n.weft")});
+  ASSERT_EQ(plain.status, 0) << plain.err;
+  EXPECT_EQ(json::parse(plain.out).at("colour_transform"), "none");
+}
+
+TEST_F(VqProcess, EnlargesTheTexture) {
+  ASSERT_EQ(
+      run_weft({"compress", raw(), "--codec", "vq", "--grid", "measured", "-o", path("m.weft")})
+          .status,
+      0);
+  const ProcessResult made =
+      run_weft({"enlarge", path("m.weft"), "--size", "40x24", "--json", "-o", path("l.weft")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const ProcessResult info = run_weft({"info", path("l.weft"), "--json"});
+  EXPECT_NE(info.out.find("40"), std::string::npos);
+  EXPECT_EQ(run_weft({"sheet", path("l.weft"), "-o", path("l.png")}).status, 0);
+  const auto expect_bad = [&](const std::vector<std::string>& arguments, const std::string& part) {
+    const ProcessResult result = run_weft(arguments);
+    EXPECT_EQ(result.status, 2);
+    EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+  };
+  expect_bad({"enlarge", path("m.weft"), "--size", "0x4", "-o", path("x.weft")}, "--size: '0x4'");
+  expect_bad({"enlarge", path("m.weft"), "--size", "40", "--patch", "11", "-o", path("x.weft")},
+             "patches of 11");
+  expect_bad({"enlarge", path("m.weft"), "-o", path("x.weft")}, "--size");
+  expect_bad({"enlarge", path("m.weft"), "--size", "40", "-o", path("x.npy")}, ".weft");
+  ASSERT_EQ(run_weft({"compress", raw(), "--rank", "2", "-o", path("pca.weft")}).status, 0);
+  expect_bad({"enlarge", path("pca.weft"), "--size", "40", "-o", path("x.weft")}, "codec pca");
+  EXPECT_EQ(run_weft({"enlarge", "--help"}).status, 0);
+}
+
+}  // namespace
+}  // namespace weft::test
