@@ -27,9 +27,10 @@ class LightSamplers : public testing::TestWithParam<CodecRun> {
 INSTANTIATE_TEST_SUITE_P(Table, LightSamplers, testing::ValuesIn(every_run()), run_name);
 
 // A matt ground and, about the mirror direction of each view, a highlight; one texel is black.
-std::shared_ptr<MemorySource> glossy_source(Encoding encoding, Quantity quantity) {
+std::shared_ptr<MemorySource> glossy_source(Encoding encoding, Quantity quantity,
+                                            DType dtype = DType::f32) {
   constexpr BtfShape shape{19, 37, 2, 3, 3};
-  BtfInfo info = make_info(shape);
+  BtfInfo info = make_info(shape, dtype);
   info.encoding = encoding;
   info.quantity = quantity;
   std::vector<double> values;
@@ -46,7 +47,7 @@ std::shared_ptr<MemorySource> glossy_source(Encoding encoding, Quantity quantity
       }
     }
   }
-  return std::make_shared<MemorySource>(info, encode_values(values, DType::f32));
+  return std::make_shared<MemorySource>(info, encode_values(values, dtype));
 }
 
 std::array<float, 3> view_at(double theta, double phi) {
@@ -98,6 +99,32 @@ TEST_P(LightSamplers, AgreeWithRawData) {
   for (std::size_t i = 0; i < albedos.size(); ++i) {
     EXPECT_GT(albedos[i], 0.05 * std::numbers::pi);
     EXPECT_NEAR(found_albedos[i], albedos[i], 2 * std::numbers::pi * error + 1e-4 * albedos[i]);
+  }
+}
+
+// Drawn from code-books as they are: about where slices that are looked up say, too.
+TEST(VqLightSampler, FollowsItsDensity) {
+  for (const auto& [encoding, quantity] : {std::pair{Encoding::linear, Quantity::radiance},
+                                           std::pair{Encoding::srgb, Quantity::brdf}}) {
+    const auto source = glossy_source(encoding, quantity, DType::u8);
+    Job job;
+    const Codec& codec = find_codec("vq");
+    const auto model = codec.encode_reference(
+        *source, {{"threshold", "0.002"}, {"grid", "onion"}, {"slices", "9,9,4,8"}}, Storage::f32,
+        job);
+    const auto sampler = codec.light_sampler(nullptr, *model);
+    const auto slices =
+        reference::slice_light_sampler(model->info.btf, codec.reference_sampler(*model));
+    for (const LightQuery& query : {LightQuery{view_at(0, 0), 0}, LightQuery{view_at(50, 200), 1},
+                                    LightQuery{view_at(70, 100), 4}}) {
+      SCOPED_TRACE(testing::Message() << name_of(encoding) << ", texel " << query.texel);
+      expect_follows_density(*sampler, query);
+      const std::vector<double> own = bin_shares(*sampler, query, 2, 4, 16);
+      const std::vector<double> looked_up = bin_shares(*slices, query, 2, 4, 16);
+      double distance = 0;
+      for (std::size_t i = 0; i < own.size(); ++i) distance += std::abs(own[i] - looked_up[i]) / 2;
+      EXPECT_LT(distance, 0.25);
+    }
   }
 }
 

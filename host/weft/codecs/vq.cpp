@@ -18,6 +18,7 @@
 #include "weft/error.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/reference/vq.hpp"
+#include "weft/reference/vq_light_sampler.hpp"
 
 namespace weft {
 namespace {
@@ -181,6 +182,12 @@ class VqCodec final : public Codec {
   }
   std::size_t fitted_sampler_bytes(const Model& model) const override {
     return vq_sampler_bytes(as_vq(model));
+  }
+
+  // On the host either way: a search in a few rows of the code-books, with no look-up behind it.
+  std::unique_ptr<LightSampler> fitted_light_sampler(Device* /*device*/,
+                                                     const Model& model) const override {
+    return reference::vq_light_sampler(as_vq(model));
   }
 
   double fitted_tolerance(const Model& model) const override {
