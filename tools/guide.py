@@ -231,7 +231,7 @@ def draw(results, path):
         y = (point["snr"] - bottom) / max(top - bottom, 1e-9)
         return 46 + x * (width - 62), height - 38 - y * (height - 66)
 
-    total = (columns * (width + gap) + gap, rows * (height + gap) + gap + 30)
+    total = (max(columns * (width + gap) + gap, gap + 46 + 110 * len(results.codecs)), rows * (height + gap) + gap + 30)
     out = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {total[0]} {total[1]}" '
            'font-family="sans-serif" font-size="12">',
            f'<rect width="{total[0]}" height="{total[1]}" fill="#fbfaf8"/>']
