@@ -142,8 +142,8 @@ KctaRequest options_by(const Codec& codec, const Parameters& parameters, const B
   const std::size_t rank = request.ranks[request.mode];
   request.clusters = default_clusters;
   if (choice.by_threshold) {
-    const double wanted =
-        static_cast<double>((chosen(request.mode) + rank - 1) / rank) * choice.goal.growth;
+    const std::size_t fitting = (chosen(request.mode) + rank - 1) / rank;
+    const double wanted = static_cast<double>(fitting) * choice.goal.growth;
     request.clusters =
         static_cast<std::size_t>(std::min(wanted, static_cast<double>(clustered.size)));
   }

@@ -329,14 +329,15 @@ class LpcaCodec final : public Codec {
   // power of the rank, which the upper half of them tells. At least half as many again.
   static std::size_t foreseen_rank(const std::vector<double>& left, const NestedRequest& request) {
     const std::size_t rank = left.size() - 1;
-    const double half = left[rank / 2];
+    const std::size_t half_rank = rank / 2;
+    const double half = left[half_rank];
     const double whole = left[rank];
     const double wanted = request.wanted * request.wanted * request.squares;
     constexpr double most_growth = 16;
     double growth = 2;
     if (rank >= 2 && half > whole && whole > wanted && wanted > 0) {
       const double power = std::log(half / whole) /
-                           std::log(static_cast<double>(rank) / static_cast<double>(rank / 2));
+                           std::log(static_cast<double>(rank) / static_cast<double>(half_rank));
       constexpr double spare = 1.1;
       growth = spare * std::pow(whole / wanted, 1 / power);
     }
