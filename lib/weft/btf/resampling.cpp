@@ -141,8 +141,10 @@ Resampling resample_to(const BtfInfo& measured, const OnionSizes& sizes) {
   const auto add_frame = [&](std::size_t view, double turn) {
     resampling.frames.push_back({view, resampling.frames.size()});
     for (std::size_t l = 0; l < sizes.lights(); ++l) {
-      const Vector light = grid.turned_light(static_cast<double>(l / sizes.beta),
-                                             static_cast<double>(l % sizes.beta));
+      const std::size_t slice = l / sizes.beta;
+      const std::size_t place = l % sizes.beta;
+      const Vector light =
+          grid.turned_light(static_cast<double>(slice), static_cast<double>(place));
       add_light(light_basis, measured, turned_by(light, -turn), resampling.lights);
     }
   };
