@@ -306,7 +306,7 @@ std::unique_ptr<VqModel> VqModel::read(const ModelFile& file) {
   }
 
   const auto book = [&](const std::string& name, std::size_t rows, std::size_t width,
-                        std::size_t below, std::vector<std::size_t> scales) {
+                        std::size_t below, const std::vector<std::size_t>& scales) {
     // the scales are there before memory is taken for as many entries
     VqCodeBook result;
     result.scales = file.real_tensor(name + "_scales", scales, no_axis);

@@ -35,8 +35,10 @@ LightNodes::LightNodes(std::span<const Direction> lights, Quantity quantity)
       std::map<std::uint32_t, double> sums;
       double cosine = 0;
       for (std::size_t j = 0; j < points_per_side * points_per_side; ++j) {
-        const auto down = static_cast<double>(row * points_per_side + j / points_per_side);
-        const auto across = static_cast<double>(column * points_per_side + j % points_per_side);
+        const std::size_t point_row = row * points_per_side + j / points_per_side;
+        const std::size_t point_column = column * points_per_side + j % points_per_side;
+        const auto down = static_cast<double>(point_row);
+        const auto across = static_cast<double>(point_column);
         const std::array<double, 3> direction =
             hemisphere_of_square({(down + 0.5) / points, (across + 0.5) / points});
         const DirectionWeights weights = hemisphere.at(direction);
