@@ -129,14 +129,16 @@ void run_compress(const CompressOptions& options) {
   }
   Weights weights;
   if (!options.weights.empty()) {
-    if (given)
+    if (given) {
       fail_input("--weights {}: a train that is cut further keeps to its own errors",
                  options.weights);
+    }
     const Weights whole = read_weights(options.weights, input->info());
     selection = {without_zeros(whole, input->info(), selection), input->info().shape};
     weights = select(whole, input->info(), selection);
-    if (codec)
+    if (codec) {
       check_weights(*codec, options.parameters, select(input->info(), selection).shape, weights);
+    }
   }
   const bool nan_zero = options.nan == "zero";
   const std::shared_ptr<TileSource> source = selected_part(input, selection, nan_zero);
