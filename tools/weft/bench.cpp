@@ -143,7 +143,7 @@ void add_bench(CLI::App& program, Action& action) {
       ->add_option(
           "--filter", options->codec.filter,
           "Only operations whose name contains this, for example gemm or 'codec pca'; with "
-          "--model, of texel, images, look_ups and lights")
+          "--model, of texel, images, look_ups and lights, some of them divided by commas")
       ->type_name("TEXT");
   command
       ->add_option("--input", options->codec.input,

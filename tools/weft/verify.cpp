@@ -334,7 +334,7 @@ void run_verify(const VerifyOptions& options) {
       report.table("weighted_errors", {"decoded_by", "rmse", "psnr", "snr", "relative"},
                    std::move(weighted_rows));
     } else if (!model->info.weights.empty()) {
-      job.notes.push_back("weighted errors are not measured: --weights gives no files");
+      job.notes.emplace_back("weighted errors are not measured: --weights gives no files");
     }
     if (log_scale) {
       std::vector<std::vector<Cell>> log_rows{

@@ -180,7 +180,13 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
   report.add("parameters", json_cell(model->info.parameters));
   report.add("selection", selection_cell(selection.whole));
   const auto wanted = [&](std::string_view name) {
-    return name.find(options.filter) != std::string_view::npos;
+    for (std::size_t begin = 0; begin <= options.filter.size();) {
+      const std::size_t end = std::min(options.filter.find(',', begin), options.filter.size());
+      const auto part = std::string_view(options.filter).substr(begin, end - begin);
+      if (name.find(part) != std::string_view::npos) return true;
+      begin = end + 1;
+    }
+    return false;
   };
   if (!wanted("texel") && !wanted("images") && !wanted("look_ups") && !wanted("lights")) {
     fail_input("--filter {}: of a model, texel, images, look_ups and lights are measured",

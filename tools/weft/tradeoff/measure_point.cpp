@@ -208,8 +208,14 @@ class Measurement {
 
   // Rates of the model on the device, also of one that the reference encoded.
   void decode() {
-    std::vector<std::string> words{"bench",      "--model",   model_.string(),
-                                   "--no-bound", "--lookups", std::to_string(settings_.lookups)};
+    std::vector<std::string> words{"bench",
+                                   "--model",
+                                   model_.string(),
+                                   "--filter",
+                                   "texel,images,look_ups",
+                                   "--no-bound",
+                                   "--lookups",
+                                   std::to_string(settings_.lookups)};
     const std::vector<std::string>& options = result_.point.options;
     const auto device = std::ranges::find(options, "--device");
     if (device != options.end() && device + 1 != options.end() && device[1] != "reference") {
