@@ -57,9 +57,11 @@ std::unique_ptr<Model> encode(bool on_device, TileSource& source, const Paramete
 
 TEST(Vq, DeviceAndReferenceFindTheSameCodeBooks) {
   const auto source = glossy_source(20, 18, 6, 7, 3);
-  for (const char* const grid : {"measured", "onion"}) {
-    Parameters parameters{{"threshold", "0.05"}, {"grid", grid}};
+  for (const auto& [similarity, grid] :
+       {std::pair{"mse", "measured"}, {"mse", "onion"}, {"ssim", "measured"}, {"ssim", "onion"}}) {
+    Parameters parameters{{"threshold", "0.05"}, {"grid", grid}, {"similarity", similarity}};
     if (grid == std::string("onion")) parameters["slices"] = "7,5,4,6";
+    SCOPED_TRACE(similarity);
     const auto device = encode(true, *source, parameters);
     const auto reference = encode(false, *source, parameters);
     const VqModel& a = as_vq(*device);
@@ -135,6 +137,49 @@ TEST(Vq, MeansAreKept) {
       kept += decoded[i * shape.texels() + p];
     }
     EXPECT_NEAR(kept, mean, 1e-5 * mean);
+  }
+}
+
+// Images with a difference about every texel, on a ground that is even or rough, and that differs
+// from texel to texel by the same noise.
+std::shared_ptr<MemorySource> noisy_source(double roughness) {
+  const BtfShape shape{3, 10, 12, 12, 1};
+  const std::vector<double> noise = random_values(shape.values(), 6, -0.01, 0.01);
+  std::vector<double> values(shape.values());
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const std::size_t p = i % shape.texels();
+    values[i] = 0.5 + noise[i] + ((p + p / 12) % 2 == 0 ? roughness : -roughness);
+  }
+  values[0] = 1;
+  return source_of(shape, DType::f32, values);
+}
+
+// A threshold of dissimilarity asks for less where texture hides differences, and for nothing less
+// than what it is for where 0.
+TEST(Vq, SimilarityLooksAtTheTexture) {
+  for (const bool on_device : {true, false}) {
+    const Parameters parameters{{"similarity", "ssim"}, {"threshold", "0.02"}};
+    const auto even = encode(on_device, *noisy_source(0), parameters);
+    const auto rough = encode(on_device, *noisy_source(0.3), parameters);
+    EXPECT_GT(as_vq(*even).sizes.p4, 4 * as_vq(*rough).sizes.p4);
+    std::size_t entries = 145;
+    for (const char* const threshold : {"0", "0.001", "0.01", "0.1", "1.5"}) {
+      const auto model =
+          encode(on_device, *noisy_source(0), {{"similarity", "ssim"}, {"threshold", threshold}});
+      EXPECT_LE(as_vq(*model).sizes.p4, entries) << threshold;
+      entries = as_vq(*model).sizes.p4;
+      if (threshold == std::string("0")) {
+        EXPECT_EQ(entries, 144U);
+        EXPECT_LT(relative(CodecRun{"vq", on_device}.measure(*model, *noisy_source(0))), 1e-6);
+      }
+    }
+    EXPECT_EQ(entries, 1U);
+    // thresholds for a goal
+    const auto goal =
+        encode(on_device, *noisy_source(0), {{"similarity", "ssim"}, {"target", "rel=0.005"}});
+    EXPECT_LE(relative(CodecRun{"vq", on_device}.measure(*goal, *noisy_source(0))), 0.005);
+    EXPECT_LT(as_vq(*goal).sizes.p4, 144U);
+    EXPECT_GT(as_vq(*goal).sizes.p4, 1U);
   }
 }
 

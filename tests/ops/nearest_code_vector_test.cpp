@@ -103,7 +103,8 @@ TEST(NearestCodeVector, FindsItself) {
   ops::DeviceNearestSearch search(shared_device());
   search.set(problem.shape, problem.code_vectors);
   const std::vector<float> ones(200, 1.0f);
-  const std::vector<std::uint32_t> found = search.nearest({problem.code_vectors, ones});
+  const std::vector<std::uint32_t> found =
+      search.nearest({problem.code_vectors, ones}, any_distance);
   for (std::uint32_t i = 0; i < 200; ++i) EXPECT_EQ(found[i], i == 90 ? 17 : i);
 }
 

@@ -51,6 +51,18 @@ TEST_F(VqProcess, LuminanceIsAChannelOfItsOwn) {
   EXPECT_EQ(json::parse(plain.out).at("colour_transform"), "none");
 }
 
+TEST_F(VqProcess, ComparesBySimilarity) {
+  const ProcessResult made =
+      run_weft({"compress", raw(), "--codec", "vq", "--similarity", "ssim", "--threshold", "0.3",
+                "--grid", "measured", "--json", "-o", path("s.weft")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  EXPECT_EQ(json::parse(made.out).at("parameters").at("similarity"), "ssim");
+  const ProcessResult bad =
+      run_weft({"compress", raw(), "--codec", "vq", "--similarity", "psnr", "-o", path("x.weft")});
+  EXPECT_EQ(bad.status, 2);
+  EXPECT_NE(bad.err.find("--similarity psnr: mse or ssim"), std::string::npos) << bad.err;
+}
+
 TEST_F(VqProcess, EnlargesTheTexture) {
   ASSERT_EQ(
       run_weft({"compress", raw(), "--codec", "vq", "--grid", "measured", "-o", path("m.weft")})

@@ -26,11 +26,15 @@ namespace {
 // From so many views and lights on, onion slices are what is between them.
 constexpr std::size_t least_directions = 16;
 
-constexpr std::array<ParameterSpec, 4> vq_parameters{{
+constexpr std::array<ParameterSpec, 5> vq_parameters{{
     {"threshold", "0.1",
-     "largest root mean square of differences of a texel from its code-vector, as a part of the "
-     "data's; or eight, of P4,P3,M,P2,P1,I2,I1,C; what is not given is 0.4 of the mean square of "
-     "the level above"},
+     "how far a texel may be from its code-vector: largest root mean square of differences, as a "
+     "part of the data's; with --similarity ssim, the 1 - SSIM that 98 % of its values keep to. "
+     "Or eight, of P4,P3,M,P2,P1,I2,I1,C; what is not given is 0.4 of the mean square of the level "
+     "above, or the same dissimilarity"},
+    {"similarity", "mse",
+     "mse: squared error; ssim: what a texel in a code-vector's place does to the structural "
+     "similarity of the images about it"},
     {"grid", "auto",
      "directions of code-books: onion (slices of the hemisphere of lights, turned with the view), "
      "measured (those of the data), or auto: onion from 16 views and lights on"},
@@ -76,9 +80,9 @@ std::vector<double> numbers_of(const Parameters& parameters, std::string_view na
 }
 
 // Of P4, P3, M, P2, P1, I2, I1 and C; those that are not given follow the others.
-VqThresholds thresholds_of(const std::vector<double>& given) {
-  // 0.4 of the mean square (section 4.4.1)
-  const double below = std::sqrt(0.4);
+VqThresholds thresholds_of(const std::vector<double>& given, VqSimilarity similarity) {
+  // 0.4 of the mean square (section 4.4.1); dissimilarities need no factor (4.4.2)
+  const double below = similarity == VqSimilarity::ssim ? 1 : std::sqrt(0.4);
   VqThresholds t;
   const auto level = [&](std::size_t i, double otherwise) {
     return i < given.size() ? given[i] : otherwise;
@@ -92,6 +96,12 @@ VqThresholds thresholds_of(const std::vector<double>& given) {
   t.i1 = level(6, t.p1);
   t.c = level(7, below * t.i1);
   return t;
+}
+
+VqSimilarity similarity_of(const Parameters& parameters) {
+  const std::string_view name = text_of(parameters, "similarity");
+  if (name != "mse" && name != "ssim") fail_input("--similarity {}: mse or ssim is needed", name);
+  return name == "ssim" ? VqSimilarity::ssim : VqSimilarity::mse;
 }
 
 VqGrid grid_of(const Parameters& parameters, const BtfInfo& source) {
@@ -117,7 +127,9 @@ VqGrid grid_of(const Parameters& parameters, const BtfInfo& source) {
 
 VqRequest request_of(const Parameters& parameters, const BtfInfo& source) {
   VqRequest request;
-  request.thresholds = thresholds_of(numbers_of(parameters, "threshold", 8, 1e6));
+  request.similarity = similarity_of(parameters);
+  request.thresholds =
+      thresholds_of(numbers_of(parameters, "threshold", 8, 1e6), request.similarity);
   request.grid = grid_of(parameters, source);
   const std::vector<double> samples = numbers_of(parameters, "samples", 2, 100);
   request.first_part = samples[0] / 100;
@@ -218,8 +230,8 @@ class VqCodec final : public Codec {
     } else {
       // thresholds that are given are the least
       const bool given = parameters.contains("threshold") && request.thresholds.p4 > 0;
-      const VqThresholds unit =
-          given ? request.thresholds.times(1 / request.thresholds.p4) : thresholds_of({1.0});
+      const VqThresholds unit = given ? request.thresholds.times(1 / request.thresholds.p4)
+                                      : thresholds_of({1.0}, request.similarity);
       VqGoalSteps steps;
       steps.fit = [&](double factor) { return fit_with(unit.times(factor)); };
       steps.relative_error = [&](const VqModel& fitted) {
@@ -247,10 +259,12 @@ class VqCodec final : public Codec {
     model.info.storage = storage;
     model.info.btf = source;
     model.info.parameters = fmt::format(
-        R"({{"threshold":[{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}],"grid":"{}",)"
+        R"({{"threshold":[{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}],)"
+        R"("similarity":"{}","grid":"{}",)"
         R"("slices":[{},{},{},{}],"samples":[{:.6g},{:.6g}],"sizes":{{"P4":{},"P3":{},"M":{},)"
         R"("P2":{},"P1":{},"I2":{},"I1":{},"C":{}}}}})",
         t.p4, t.p3, t.m, t.p2, t.p1, t.i2, t.i1, t.c,
+        request.similarity == VqSimilarity::ssim ? "ssim" : "mse",
         model.grid.kind == VqGrid::Kind::onion ? "onion" : "measured", n.alpha, n.beta, n.theta,
         n.phi, 100 * request.first_part, 100 * request.second_part, s.p4, s.p3, s.m, s.p2, s.p1,
         s.i2, s.i1, s.c);

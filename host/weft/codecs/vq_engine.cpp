@@ -7,6 +7,7 @@
 #include "weft/btf/resampling.hpp"
 #include "weft/ops/matrix_product.hpp"
 #include "weft/ops/nearest_code_vector.hpp"
+#include "weft/ops/similar_code_vector.hpp"
 
 namespace weft {
 namespace {
@@ -91,16 +92,21 @@ class DeviceResampling {
   std::vector<float> resampled_values_;
 };
 
+std::unique_ptr<NearestSearch> search_on(Device& device, VqSimilarity similarity) {
+  if (similarity == VqSimilarity::ssim) return std::make_unique<ops::DeviceSimilarSearch>(device);
+  return std::make_unique<ops::DeviceNearestSearch>(device);
+}
+
 class DeviceEngine final : public VqEngine {
  public:
   DeviceEngine(Device& device, const BtfInfo& source, const VqRequest& request)
-      : shape_(source.shape), search_(device) {
+      : shape_(source.shape), search_(search_on(device, request.similarity)) {
     if (request.grid.kind == VqGrid::Kind::onion) {
       resampling_.emplace(device, source, request.grid.sizes);
     }
   }
 
-  NearestSearch& search() override { return search_; }
+  NearestSearch& search() override { return *search_; }
 
   void resample(std::span<const float> values, std::size_t count, std::span<float> rows) override {
     if (resampling_) {
@@ -112,7 +118,7 @@ class DeviceEngine final : public VqEngine {
 
  private:
   BtfShape shape_;
-  ops::DeviceNearestSearch search_;
+  std::unique_ptr<NearestSearch> search_;
   std::optional<DeviceResampling> resampling_;
 };
 
@@ -137,7 +143,10 @@ MemoryPlan plan_device_vq(Device& device, const BtfInfo& source, const VqRequest
   const std::size_t block = vq_block(source, request);
   const std::size_t most = std::min(vq_training(source.shape, request).texels.size(),
                                     job.memory / 4 / (vector.values() * sizeof(float)));
-  plan.add("nearest code-vectors", ops::DeviceNearestSearch::bytes(device, vector, most, block));
+  plan.add("nearest code-vectors",
+           request.similarity == VqSimilarity::ssim
+               ? ops::DeviceSimilarSearch::bytes(device, vector, most, block)
+               : ops::DeviceNearestSearch::bytes(device, vector, most, block));
   if (request.grid.kind == VqGrid::Kind::onion) {
     plan.add("resampling", resampling_bytes(source, request, block));
   }

@@ -42,6 +42,7 @@ extern const KernelSource reduce_mip;
 extern const KernelSource render_surface;
 extern const KernelSource scan_tile;
 extern const KernelSource shade_points;
+extern const KernelSource similar_code_vector;
 extern const KernelSource ssim;
 extern const KernelSource sum_squares;
 extern const KernelSource syrk;

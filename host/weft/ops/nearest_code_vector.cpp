@@ -62,7 +62,8 @@ void DeviceNearestSearch::set(const VectorShape& shape, std::span<const float> c
   }
 }
 
-std::vector<std::uint32_t> DeviceNearestSearch::nearest(const ScaledVectors& vectors) {
+std::vector<std::uint32_t> DeviceNearestSearch::nearest(const ScaledVectors& vectors,
+                                                        double /*most*/) {
   const std::size_t values = shape_.values();
   const std::size_t count = vectors.scales.size();
   std::vector<std::uint32_t> result;

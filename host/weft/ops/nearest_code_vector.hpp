@@ -19,7 +19,7 @@ class DeviceNearestSearch final : public NearestSearch {
   explicit DeviceNearestSearch(Device& device) : device_(device) {}
 
   void set(const VectorShape& shape, std::span<const float> code_vectors) override;
-  std::vector<std::uint32_t> nearest(const ScaledVectors& vectors) override;
+  std::vector<std::uint32_t> nearest(const ScaledVectors& vectors, double most) override;
 
   // Bytes of device memory for so many code-vectors, and vectors at a time.
   static std::size_t bytes(const Device& device, const VectorShape& shape, std::size_t code_vectors,

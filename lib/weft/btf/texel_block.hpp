@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <span>
+#include <vector>
 
 #include "weft/btf/tile.hpp"
 
@@ -14,6 +15,11 @@ namespace weft {
 // texels are touched; other images are read whole, one at a time.
 void read_texels(TileSource& source, std::size_t first, std::size_t count,
                  std::span<std::byte> out);
+
+// The same of one image, which is not released; `whole` is room for an image that can't be read in
+// part.
+void read_image_texels(TileSource& source, std::size_t image, std::size_t first, std::size_t count,
+                       std::vector<std::byte>& whole, std::span<std::byte> out);
 
 // The fixed block of texels that encoders go through such data in: as many as 8 MiB of floats
 // hold. A function of the shape alone.

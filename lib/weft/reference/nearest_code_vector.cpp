@@ -3,7 +3,20 @@
 #include <algorithm>
 #include <limits>
 
-namespace weft::reference {
+namespace weft {
+
+double NearestSearch::distance(const VectorShape& shape, const ScaledVectors& vector,
+                               const float* code_vector, double most) const {
+  return reference::code_vector_distance(shape, vector.rows.data(), vector.scales[0], code_vector,
+                                         most);
+}
+
+// a root mean square
+double NearestSearch::distance_of(double threshold, const VectorShape& shape) const {
+  return threshold * threshold * static_cast<double>(shape.values());
+}
+
+namespace reference {
 namespace {
 
 // Values whose squares are summed before the sum is looked at.
@@ -59,8 +72,9 @@ void PlainSearch::set(const VectorShape& shape, std::span<const float> code_vect
   code_vectors_.assign(code_vectors.begin(), code_vectors.end());
 }
 
-std::vector<std::uint32_t> PlainSearch::nearest(const ScaledVectors& vectors) {
+std::vector<std::uint32_t> PlainSearch::nearest(const ScaledVectors& vectors, double /*most*/) {
   return nearest_code_vectors(shape_, vectors, code_vectors_);
 }
 
-}  // namespace weft::reference
+}  // namespace reference
+}  // namespace weft

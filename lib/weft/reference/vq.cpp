@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "weft/btf/resampling.hpp"
 #include "weft/btf/texel_block.hpp"
 #include "weft/error.hpp"
+#include "weft/reference/similar_code_vector.hpp"
 #include "weft/reference/tile.hpp"
 
 namespace weft {
@@ -15,8 +17,12 @@ namespace {
 // Texels whose code-vectors are found together: see vq_code_books.hpp.
 constexpr std::size_t batch = 64;
 
-// The second step's thresholds: 2.5 times the mean square error of the first's.
-const double second_step = std::sqrt(2.5);
+// The second step's thresholds are 2.5 times the first's: of mean squares, and of dissimilarities,
+// which are as squares where they are small.
+constexpr double second_step = 2.5;
+
+// Bytes of a plane of texels that are read together with what is about them.
+constexpr std::size_t read_bytes = std::size_t{128} << 20;
 
 // Van der Corput's sequence: the digits of i mirrored at the point.
 double radical_inverse(std::size_t i, std::size_t base) {
@@ -34,10 +40,12 @@ std::size_t part_of(double part, std::size_t whole, std::size_t least, std::size
   return std::min(std::clamp(count, least, most), whole);
 }
 
-// The exponent that brings the largest magnitude into [0.5, 1).
+// The exponent that brings the largest magnitude into (0.5, 1]: 8-bit data with white in it stays
+// as it is, and similarities have their usual constants.
 int unit_exponent(double largest) {
   int exponent = 0;
-  std::frexp(largest, &exponent);
+  const double mantissa = std::frexp(largest, &exponent);
+  if (mantissa == 0.5) --exponent;
   return largest > 0 ? -exponent : 0;
 }
 
@@ -104,19 +112,36 @@ std::size_t vq_block(const BtfInfo& source, const VqRequest& request) {
   return std::min(std::max<std::size_t>(bytes / row / vectors, 1) * vectors, source.shape.texels());
 }
 
+// Whole rows of the image where there are windows about texels: rows that are read again for the
+// next block's windows are then few.
+std::size_t vq_read_block(const BtfInfo& source, const VqRequest& request) {
+  const BtfShape& shape = source.shape;
+  if (request.similarity == VqSimilarity::mse) return vq_block(source, request);
+  const std::size_t row = shape.images() * shape.width * shape.channels * sizeof(float);
+  return std::min(std::max<std::size_t>(read_bytes / row, 1), shape.height) * shape.width;
+}
+
 MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& job) {
   const BtfShape& shape = source.shape;
   const std::size_t row = texel_vector(request.grid, shape.channels).values() * sizeof(float);
   const std::size_t measured = shape.images() * shape.channels;
   const VqTraining training = vq_training(shape, request);
   const std::size_t count = vq_block(source, request);
+  const bool structural = request.similarity == VqSimilarity::ssim;
+  const std::size_t planes = structural ? 3 : 1;
   MemoryPlan plan;
   plan.limit = job.memory;
   plan.items = job.held;
   plan.add("an image", shape.image_values() * (sizeof(double) + sizeof(float)));
-  plan.add("texels for the code-books", training.texels.size() * measured * sizeof(float));
-  plan.add("a block of texels",
-           count * (measured * (sizeof(double) + 2 * sizeof(float)) + 3 * row));
+  plan.add("texels for the code-books", training.texels.size() * measured * planes * sizeof(float));
+  const std::size_t read = vq_read_block(source, request);
+  if (structural) {
+    plan.add("texels that are read", read * measured * planes * sizeof(float));
+    plan.add("a block of texels", count * (measured * sizeof(float) + (planes + 2) * row));
+  } else {
+    plan.add("a block of texels",
+             count * (measured * (sizeof(double) + 2 * sizeof(float)) + 3 * row));
+  }
   // all of the texels, each on four levels, at most; half of the memory, where that is less
   plan.add("code-vectors", std::min(4 * training.texels.size() * row, job.memory / 2));
   return plan;
@@ -129,16 +154,37 @@ VqFitter::VqFitter(TileSource& source, VqEngine& engine, const VqRequest& reques
       job_(job),
       shape_(source.info().shape),
       vector_(texel_vector(request.grid, shape_.channels)),
-      training_(vq_training(shape_, request)) {
+      training_(vq_training(shape_, request)),
+      moments_(shape_.height, shape_.width, shape_.channels),
+      row_by_row_(training_.texels.size()) {
+  std::iota(row_by_row_.begin(), row_by_row_.end(), std::size_t{0});
+  std::sort(row_by_row_.begin(), row_by_row_.end(), [&](std::size_t a, std::size_t b) {
+    return training_.texels[a] < training_.texels[b];
+  });
   read();
+}
+
+void VqFitter::make_room(Measured& measured, std::size_t texels) const {
+  const std::size_t values = shape_.images() * texels * shape_.channels;
+  measured.texels = texels;
+  measured.values.resize(values);
+  if (!structural()) return;
+  measured.means.resize(values);
+  measured.deviations.resize(values);
+}
+
+void VqFitter::scale(Measured& measured) const {
+  for (std::vector<float>* plane : {&measured.values, &measured.means, &measured.deviations}) {
+    scale_all(*plane, unit_);
+  }
 }
 
 void VqFitter::read() {
   const StageTimer timer(job_, "scan", 0, static_cast<double>(source_.info().bytes()));
-  kept_.resize(shape_.images() * training_.texels.size() * shape_.channels);
+  make_room(kept_, training_.texels.size());
   std::vector<double> image(shape_.image_values());
   double largest = 0;
-  float* to = kept_.data();
+  float* to = kept_.values.data();
   for (std::size_t i = 0; i < shape_.images(); ++i) {
     check_interrupt();
     reference::read_tile(source_, i, 1, job_.nan_zero, image);
@@ -148,22 +194,94 @@ void VqFitter::read() {
         *to++ = static_cast<float>(image[p * shape_.channels + c]);
       }
     }
+    if (structural()) keep_moments(image, i);
     job_.advance("scan", i + 1, shape_.images());
   }
   unit_ = unit_exponent(largest);
-  scale_all(kept_, unit_);
+  scale(kept_);
 }
 
-std::vector<float> VqFitter::training_rows(std::size_t first, std::size_t count) const {
+void VqFitter::keep_moments(std::span<const double> image, std::size_t i) {
   const std::size_t C = shape_.channels;
-  std::vector<float> values(shape_.images() * count * C);
-  for (std::size_t i = 0; i < shape_.images(); ++i) {
-    const float* from = kept_.data() + (i * training_.texels.size() + first) * C;
-    std::copy(from, from + count * C, values.data() + i * count * C);
+  std::size_t row = shape_.height;
+  for (const std::size_t n : row_by_row_) {
+    const std::size_t p = training_.texels[n];
+    if (p / shape_.width != row) {
+      row = p / shape_.width;
+      moments_.take_row(image, 0, row);
+    }
+    const std::size_t at = (i * training_.texels.size() + n) * C;
+    moments_.about(p % shape_.width, std::span(kept_.means).subspan(at, C),
+                   std::span(kept_.deviations).subspan(at, C));
   }
-  std::vector<float> rows(count * vector_.values());
-  engine_.resample(values, count, rows);
-  return rows;
+}
+
+void VqFitter::read_block(std::size_t first, std::size_t count, Measured& block) {
+  make_room(block, count);
+  if (structural()) {
+    read_with_moments(first, count, block);
+  } else {
+    const DType dtype = source_.info().dtype;
+    std::vector<double> exact(block.values.size());
+    std::vector<std::byte> raw(exact.size() * size_of(dtype));
+    read_texels(source_, first, count, raw);
+    reference::to_double(dtype, raw, job_.nan_zero, exact);
+    std::copy(exact.begin(), exact.end(), block.values.begin());
+  }
+  scale(block);
+}
+
+void VqFitter::read_with_moments(std::size_t first, std::size_t count, Measured& block) {
+  const std::size_t C = shape_.channels;
+  const std::size_t width = shape_.width;
+  const DType dtype = source_.info().dtype;
+  const LocalMoments::Band band = moments_.band(first / width, (first + count - 1) / width + 1);
+  std::vector<double> rows((band.end - band.first) * width * C);
+  std::vector<std::byte> raw(rows.size() * size_of(dtype));
+  std::vector<std::byte> whole;
+  for (std::size_t i = 0; i < shape_.images(); ++i) {
+    check_interrupt();
+    read_image_texels(source_, i, band.first * width, (band.end - band.first) * width, whole, raw);
+    source_.release(i, 1);
+    reference::to_double(dtype, raw, job_.nan_zero, rows);
+    for (std::size_t p = first; p < first + count; ++p) {
+      if (p == first || p % width == 0) moments_.take_row(rows, band.first, p / width);
+      const std::size_t at = (i * count + p - first) * C;
+      moments_.about(p % width, std::span(block.means).subspan(at, C),
+                     std::span(block.deviations).subspan(at, C));
+      const auto value = rows.begin() + static_cast<std::ptrdiff_t>((p - band.first * width) * C);
+      std::copy_n(value, C, block.values.begin() + static_cast<std::ptrdiff_t>(at));
+    }
+  }
+}
+
+VqFitter::Vectors VqFitter::vectors(const Measured& measured, std::size_t first,
+                                    std::size_t count) const {
+  const std::size_t C = shape_.channels;
+  std::vector<float> part;
+  const auto resampled = [&](const std::vector<float>& plane) {
+    std::vector<float> rows(plane.empty() ? 0 : count * vector_.values());
+    if (plane.empty()) return rows;
+    if (count == measured.texels) {
+      engine_.resample(plane, count, rows);
+      return rows;
+    }
+    part.resize(shape_.images() * count * C);
+    for (std::size_t i = 0; i < shape_.images(); ++i) {
+      const float* from = plane.data() + (i * measured.texels + first) * C;
+      std::copy(from, from + count * C, part.data() + i * count * C);
+    }
+    engine_.resample(part, count, rows);
+    return rows;
+  };
+  Vectors vectors{resampled(measured.values), resampled(measured.means),
+                  resampled(measured.deviations), std::vector<float>(count)};
+  if (structural()) raise_deviations(vectors.rows, vectors.means, vectors.deviations);
+  for (std::size_t p = 0; p < count; ++p) {
+    vectors.scales[p] =
+        mean_magnitude({vectors.rows.data() + p * vector_.values(), vector_.luminances});
+  }
+  return vectors;
 }
 
 VqFit VqFitter::fit(const VqThresholds& thresholds) {
@@ -179,15 +297,16 @@ VqFit VqFitter::fit(const VqThresholds& thresholds) {
       for (; first < end; first += batch) {
         check_interrupt();
         const std::size_t count = std::min(batch, end - first);
-        books.add(training_rows(first, count), bounds, engine_.search());
+        books.add(vectors(kept_, first, count).view(), bounds, engine_.search());
         job_.advance("code-books", first + count, trained);
       }
     };
     const double luminance =
-        root_mean_square(training_rows(0, std::min(batch, training_.first)), vector_);
-    const VqThresholds bounds = thresholds.times(luminance);
+        root_mean_square(vectors(kept_, 0, std::min(batch, training_.first)).rows, vector_);
+    const VqThresholds bounds = structural() ? thresholds : thresholds.times(luminance);
     add(0, training_.first, bounds);
-    add(training_.first, trained, bounds.times(second_step));
+    add(training_.first, trained,
+        bounds.times(structural() ? second_step : std::sqrt(second_step)));
     fit.luminance = std::ldexp(luminance, -unit_);
   }
   books.fill(model);
@@ -211,28 +330,22 @@ void VqFitter::assign(VqModel& model, const VqCodeBooks& books) {
   engine_.search().set(vector_, books.apparent_brdfs());
   std::vector<std::uint32_t> entries(texels);
   model.p6.scales.resize(texels);
-  const std::size_t block = vq_block(info, request_);
-  std::vector<std::byte> raw;
-  std::vector<double> exact;
-  std::vector<float> values, rows;
-  for (std::size_t first = 0; first < texels; first += block) {
-    check_interrupt();
-    const std::size_t count = std::min(block, texels - first);
-    exact.resize(shape_.images() * count * shape_.channels);
-    raw.resize(exact.size() * size_of(info.dtype));
-    read_texels(source_, first, count, raw);
-    reference::to_double(info.dtype, raw, job_.nan_zero, exact);
-    values.assign(exact.begin(), exact.end());
-    scale_all(values, unit_);
-    rows.resize(count * vector_.values());
-    engine_.resample(values, count, rows);
-    const std::span<float> scales = std::span(model.p6.scales).subspan(first, count);
-    for (std::size_t p = 0; p < count; ++p) {
-      scales[p] = mean_magnitude({rows.data() + p * vector_.values(), vector_.luminances});
+  const std::size_t read_together = vq_read_block(info, request_);
+  const std::size_t resampled_together = vq_block(info, request_);
+  Measured block;
+  for (std::size_t first = 0; first < texels; first += read_together) {
+    const std::size_t count = std::min(read_together, texels - first);
+    read_block(first, count, block);
+    for (std::size_t begin = 0; begin < count; begin += resampled_together) {
+      check_interrupt();
+      const std::size_t here = std::min(resampled_together, count - begin);
+      const Vectors found = vectors(block, begin, here);
+      const auto nearest = engine_.search().nearest(found.view());
+      const auto at = static_cast<std::ptrdiff_t>(first + begin);
+      std::copy(nearest.begin(), nearest.end(), entries.begin() + at);
+      std::copy(found.scales.begin(), found.scales.end(), model.p6.scales.begin() + at);
+      job_.advance("texels", first + begin + here, texels);
     }
-    const auto nearest = engine_.search().nearest({rows, scales});
-    std::copy(nearest.begin(), nearest.end(), entries.begin() + static_cast<std::ptrdiff_t>(first));
-    job_.advance("texels", first + count, texels);
   }
   model.p6.entries = PackedIndices(std::move(entries), model.sizes.p4);
 }
@@ -246,9 +359,14 @@ class PlainEngine final : public VqEngine {
     if (request.grid.kind == VqGrid::Kind::onion) {
       resampling_ = resample_to(source, request.grid.sizes);
     }
+    if (request.similarity == VqSimilarity::ssim) {
+      search_ = std::make_unique<PlainSimilarSearch>();
+    } else {
+      search_ = std::make_unique<PlainSearch>();
+    }
   }
 
-  NearestSearch& search() override { return search_; }
+  NearestSearch& search() override { return *search_; }
 
   void resample(std::span<const float> values, std::size_t count, std::span<float> rows) override {
     if (!resampling_) {
@@ -318,7 +436,7 @@ class PlainEngine final : public VqEngine {
 
   BtfShape shape_;
   std::optional<Resampling> resampling_;
-  PlainSearch search_;
+  std::unique_ptr<NearestSearch> search_;
 };
 
 }  // namespace

@@ -16,14 +16,20 @@
 #include "weft/btf/tile.hpp"
 #include "weft/job.hpp"
 #include "weft/model/vq.hpp"
+#include "weft/reference/local_moments.hpp"
 #include "weft/reference/nearest_code_vector.hpp"
 #include "weft/reference/vq_code_books.hpp"
 
 namespace weft {
 
+// What thresholds bound and what is nearest: the root mean square of differences, as parts of the
+// data's root mean square luminance (nearest_code_vector.hpp), or the dissimilarity of windows
+// (similar_code_vector.hpp).
+enum class VqSimilarity { mse, ssim };
+
 struct VqRequest {
   VqGrid grid;
-  // For the root mean square of differences, as parts of the data's root mean square luminance.
+  VqSimilarity similarity = VqSimilarity::mse;
   VqThresholds thresholds;
   double first_part = 0.01;   // of the texels, that code-books begin with
   double second_part = 0.04;  // that they are completed with
@@ -40,6 +46,7 @@ VqTraining vq_training(const BtfShape& shape, const VqRequest& request);
 class VqEngine {
  public:
   virtual ~VqEngine() = default;
+  // By the request's similarity.
   virtual NearestSearch& search() = 0;
   // Values [images][count][C] of texels as rows of texel_vector().
   virtual void resample(std::span<const float> values, std::size_t count,
@@ -50,14 +57,15 @@ class VqEngine {
 void measured_rows(const BtfShape& shape, std::span<const float> values, std::size_t count,
                    std::span<float> rows);
 
-// Texels that are resampled together, and bytes that a fit holds on the host beside its engine, the
-// code-vectors' limit among them.
+// Texels that are resampled together, and that are read together; and bytes that a fit holds on the
+// host beside its engine, the code-vectors' limit among them.
 std::size_t vq_block(const BtfInfo& source, const VqRequest& request);
+std::size_t vq_read_block(const BtfInfo& source, const VqRequest& request);
 MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& job);
 
 struct VqFit {
   std::unique_ptr<VqModel> model;  // unrounded; its info holds nothing yet
-  double luminance = 0;            // root mean square, that thresholds are parts of
+  double luminance = 0;            // root mean square
   std::size_t trained = 0;         // texels
 };
 
@@ -70,9 +78,30 @@ class VqFitter {
   VqFit fit(const VqThresholds& thresholds);
 
  private:
+  // Texels in their measured directions [images][texels][C]: values, and for structural similarity
+  // the moments about them.
+  struct Measured {
+    std::size_t texels = 0;
+    std::vector<float> values, means, deviations;
+  };
+  // Rows of texel_vector() of the same.
+  struct Vectors {
+    std::vector<float> rows, means, deviations;
+    std::vector<float> scales;
+    ScaledVectors view() const { return {rows, scales, means, deviations}; }
+  };
+
+  bool structural() const { return request_.similarity == VqSimilarity::ssim; }
   void read();
-  // Rows of texels [first, first + count) of the training.
-  std::vector<float> training_rows(std::size_t first, std::size_t count) const;
+  void make_room(Measured& measured, std::size_t texels) const;
+  void scale(Measured& measured) const;
+  // The moments about the training's texels in image i.
+  void keep_moments(std::span<const double> image, std::size_t i);
+  // Texels [first, first + count) of the source.
+  void read_block(std::size_t first, std::size_t count, Measured& block);
+  void read_with_moments(std::size_t first, std::size_t count, Measured& block);
+  // Texels [first, first + count) of what was measured, resampled.
+  Vectors vectors(const Measured& measured, std::size_t first, std::size_t count) const;
   // Entries and scales of all texels.
   void assign(VqModel& model, const VqCodeBooks& books);
 
@@ -83,8 +112,10 @@ class VqFitter {
   BtfShape shape_;
   VectorShape vector_;
   VqTraining training_;
-  std::vector<float> kept_;  // values of the training [images][texels][C], scaled
-  int unit_ = 0;             // exponent of that scale
+  Measured kept_;  // of the training, scaled
+  LocalMoments moments_;
+  std::vector<std::size_t> row_by_row_;  // the training's texels in the image's order
+  int unit_ = 0;                         // exponent of the scale
 };
 
 namespace reference {

@@ -13,10 +13,6 @@ namespace {
 // Vectors that are compared with each other one by one before they become code-vectors.
 constexpr std::size_t block = 256;
 
-double square_bound(double threshold, const VectorShape& shape) {
-  return threshold * threshold * static_cast<double>(shape.values());
-}
-
 }  // namespace
 
 VqThresholds VqThresholds::times(double factor) const {
@@ -69,31 +65,39 @@ void VqCodeBooks::append(Level& level, const float* row, float scale) {
   level.rows.insert(level.rows.end(), row + level.shape.luminances, row + level.shape.values());
 }
 
-VqCodeBooks::Assigned VqCodeBooks::assign(LevelName name, const Vectors& vectors, double threshold,
-                                          NearestSearch& search) {
+void VqCodeBooks::Vectors::append(const ScaledVectors& from, std::size_t first, std::size_t count) {
+  const std::array<std::span<const float>, plane_count> given{from.rows, from.means,
+                                                              from.deviations};
+  for (std::size_t plane = 0; plane < plane_count; ++plane) {
+    if (given[plane].empty()) continue;
+    const std::span<const float> values = given[plane].subspan(first, count);
+    planes[plane].insert(planes[plane].end(), values.begin(), values.end());
+  }
+}
+
+VqCodeBooks::Assigned VqCodeBooks::assign(LevelName name, const ScaledVectors& vectors,
+                                          double threshold, NearestSearch& search) {
   Level& level = levels_[name];
   const VectorShape& shape = level.shape;
   const std::size_t width = shape.values();
-  const double most = square_bound(threshold, shape);
+  const double most = search.distance_of(threshold, shape);
   const std::size_t before = level.size();
   Assigned assigned;
-  assigned.index.resize(vectors.size());
+  assigned.index.resize(vectors.scales.size());
   const auto distance = [&](std::size_t vector, std::size_t code_vector) {
-    return reference::code_vector_distance(shape, vectors.rows.data() + vector * width,
-                                           vectors.scales[vector],
-                                           level.rows.data() + code_vector * width, most);
+    return search.distance(shape, vectors.vector(shape, vector),
+                           level.rows.data() + code_vector * width, most);
   };
   // those that a code-vector in [first, size) is near enough to; the others
   const auto place = [&](const std::vector<std::size_t>& wanted, std::size_t first) {
     if (first == level.size() || wanted.empty()) return wanted;
     Vectors chosen;
     for (const std::size_t i : wanted) {
-      const auto row = vectors.rows.begin() + static_cast<std::ptrdiff_t>(i * width);
-      chosen.rows.insert(chosen.rows.end(), row, row + static_cast<std::ptrdiff_t>(width));
+      chosen.append(vectors, i * width, width);
       chosen.scales.push_back(vectors.scales[i]);
     }
     search.set(shape, std::span<const float>(level.rows).subspan(first * width));
-    const std::vector<std::uint32_t> nearest = search.nearest({chosen.rows, chosen.scales});
+    const std::vector<std::uint32_t> nearest = search.nearest(chosen.view(), most);
     std::vector<std::size_t> others;
     for (std::size_t n = 0; n < wanted.size(); ++n) {
       const std::size_t j = first + nearest[n];
@@ -105,7 +109,7 @@ VqCodeBooks::Assigned VqCodeBooks::assign(LevelName name, const Vectors& vectors
     }
     return others;
   };
-  std::vector<std::size_t> all(vectors.size());
+  std::vector<std::size_t> all(vectors.scales.size());
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
   const std::vector<std::size_t> unplaced = place(all, 0);
   for (std::size_t begin = 0; begin < unplaced.size(); begin += block) {
@@ -133,8 +137,9 @@ VqCodeBooks::Assigned VqCodeBooks::assign(LevelName name, const Vectors& vectors
   return assigned;
 }
 
-void VqCodeBooks::enter(LevelName name, const Vectors& vectors, const VqThresholds& thresholds,
-                        NearestSearch& search, std::vector<std::uint32_t>& indices) {
+void VqCodeBooks::enter(LevelName name, const ScaledVectors& vectors,
+                        const VqThresholds& thresholds, NearestSearch& search,
+                        std::vector<std::uint32_t>& indices) {
   const std::array<double, level_count> bounds{thresholds.p4, thresholds.p3, thresholds.m,
                                                thresholds.p2, thresholds.p1, thresholds.i2,
                                                thresholds.i1, thresholds.c};
@@ -143,27 +148,26 @@ void VqCodeBooks::enter(LevelName name, const Vectors& vectors, const VqThreshol
   indices = std::move(assigned.index);
 }
 
-void VqCodeBooks::descend(LevelName name, const Vectors& vectors,
+void VqCodeBooks::descend(LevelName name, const ScaledVectors& vectors,
                           const std::vector<std::size_t>& added, const VqThresholds& thresholds,
                           NearestSearch& search) {
   if (name == p1 || name == c || added.empty()) return;
   Level& level = levels_[name];
   const std::size_t lum = level.shape.luminances;
   const std::size_t values = level.shape.values();
-  const auto row_of = [&](std::size_t i) { return vectors.rows.data() + i * values; };
   std::vector<std::uint32_t> indices;
   if (name == m) {
     // luminance and chromaticity part
     Vectors luminance, chromaticity;
     for (const std::size_t i : added) {
-      luminance.rows.insert(luminance.rows.end(), row_of(i), row_of(i) + lum);
+      luminance.append(vectors, i * values, lum);
       luminance.scales.push_back(vectors.scales[i]);
-      chromaticity.rows.insert(chromaticity.rows.end(), row_of(i) + lum, row_of(i) + values);
+      chromaticity.append(vectors, i * values + lum, values - lum);
       chromaticity.scales.push_back(1);
     }
-    enter(p2, luminance, thresholds, search, indices);
+    enter(p2, luminance.view(), thresholds, search, indices);
     std::vector<std::uint32_t> colours;
-    if (chromaticities_ > 0) enter(i2, chromaticity, thresholds, search, colours);
+    if (chromaticities_ > 0) enter(i2, chromaticity.view(), thresholds, search, colours);
     for (std::size_t n = 0; n < added.size(); ++n) {
       level.children.push_back(indices[n]);
       if (chromaticities_ > 0) level.children.push_back(colours[n]);
@@ -175,20 +179,19 @@ void VqCodeBooks::descend(LevelName name, const Vectors& vectors,
   Vectors parts;
   for (const std::size_t i : added) {
     for (std::size_t n = 0; n < level.width; ++n) {
-      const float* luminance = row_of(i) + n * part.luminances;
-      const float* chromaticity = row_of(i) + lum + n * part.chromaticities;
-      parts.rows.insert(parts.rows.end(), luminance, luminance + part.luminances);
-      parts.rows.insert(parts.rows.end(), chromaticity, chromaticity + part.chromaticities);
+      const std::size_t luminance = i * values + n * part.luminances;
+      parts.append(vectors, luminance, part.luminances);
+      parts.append(vectors, i * values + lum + n * part.chromaticities, part.chromaticities);
       if (lum == 0) {
         parts.scales.push_back(1);
         continue;
       }
-      const float scale = mean_magnitude({luminance, part.luminances});
+      const float scale = mean_magnitude(vectors.rows.subspan(luminance, part.luminances));
       parts.scales.push_back(scale);
       level.scales.push_back(vectors.scales[i] > 0 ? scale / vectors.scales[i] : 0);
     }
   }
-  enter(below, parts, thresholds, search, indices);
+  enter(below, parts.view(), thresholds, search, indices);
   level.children.insert(level.children.end(), indices.begin(), indices.end());
 }
 
@@ -225,7 +228,7 @@ void VqCodeBooks::rebuild(LevelName name, std::size_t first) {
   }
 }
 
-void VqCodeBooks::add(std::span<const float> texels, const VqThresholds& thresholds,
+void VqCodeBooks::add(const ScaledVectors& texels, const VqThresholds& thresholds,
                       NearestSearch& search) {
   std::array<std::size_t, level_count> before;
   for (std::size_t i = 0; i < level_count; ++i) {
@@ -233,13 +236,12 @@ void VqCodeBooks::add(std::span<const float> texels, const VqThresholds& thresho
     before[i] = there ? levels_[i].size() : 0;
   }
   const VectorShape& shape = levels_[p4].shape;
-  Vectors vectors;
-  vectors.rows.assign(texels.begin(), texels.end());
-  for (std::size_t first = 0; first < texels.size(); first += shape.values()) {
-    vectors.scales.push_back(mean_magnitude(texels.subspan(first, shape.luminances)));
+  std::vector<float> scales;
+  for (std::size_t first = 0; first < texels.rows.size(); first += shape.values()) {
+    scales.push_back(mean_magnitude(texels.rows.subspan(first, shape.luminances)));
   }
   std::vector<std::uint32_t> indices;
-  enter(p4, vectors, thresholds, search, indices);
+  enter(p4, {texels.rows, scales, texels.means, texels.deviations}, thresholds, search, indices);
   rebuild(p2, before[p2]);
   if (chromaticities_ > 0) {
     rebuild(i1, before[i1]);

@@ -10,8 +10,11 @@
 //
 // Those that were added are cut into vectors of the level below. When a batch is done its
 // code-vectors become what their indices and scales say, and that is what later ones are compared
-// with. Thresholds bound the root mean square of differences: of luminances as they are, where
-// code-vectors take the vector's scale, its mean magnitude.
+// with: luminances as they are, where code-vectors take the vector's scale, its mean magnitude.
+//
+// Distances are the search's, and so is what a threshold says: the largest root mean square of
+// differences (section 4.4.1), or the largest dissimilarity (4.4.2), which is that of luminances in
+// P2 and P1, of chromaticities in C, I1 and I2, and of both in P4, P3 and M.
 #pragma once
 
 #include <array>
@@ -25,7 +28,7 @@
 
 namespace weft {
 
-// Largest root mean squares of differences, for each code-book.
+// Thresholds of each code-book.
 struct VqThresholds {
   double p4 = 0, p3 = 0, m = 0, p2 = 0, p1 = 0, i2 = 0, i1 = 0, c = 0;
 
@@ -44,9 +47,9 @@ class VqCodeBooks {
   // `most_bytes` of code-vectors that it may hold.
   VqCodeBooks(const VqGrid& grid, std::size_t channels, std::size_t most_bytes);
 
-  // Adds what texels, rows of texel_vector(), need. Throws an input error where the code-vectors
-  // would take more than most_bytes.
-  void add(std::span<const float> texels, const VqThresholds& thresholds, NearestSearch& search);
+  // Adds what texels, rows of texel_vector(), need; their scales are found here. Throws an input
+  // error where the code-vectors would take more than most_bytes.
+  void add(const ScaledVectors& texels, const VqThresholds& thresholds, NearestSearch& search);
 
   // The code-vectors of P4, rows of texel_vector().
   std::span<const float> apparent_brdfs() const { return levels_[p4].rows; }
@@ -66,22 +69,28 @@ class VqCodeBooks {
     std::vector<float> scales;            // [size][width], of luminance
     std::size_t size() const { return rows.size() / shape.values(); }
   };
-  // Vectors of one level on their way into its code-book: rows as they are, and their scales.
+  // Vectors of one level on their way into its code-book: rows as they are, their scales, and what
+  // is about their values where the search looks at that.
   struct Vectors {
-    std::vector<float> rows;
+    enum Plane : std::size_t { rows, means, deviations, plane_count };
+    std::array<std::vector<float>, plane_count> planes;
     std::vector<float> scales;
     std::size_t size() const { return scales.size(); }
+    ScaledVectors view() const { return {planes[rows], scales, planes[means], planes[deviations]}; }
+    // Appends `count` values from the one at `first` on of all planes of `from`.
+    void append(const ScaledVectors& from, std::size_t first, std::size_t count);
   };
   struct Assigned {
     std::vector<std::uint32_t> index;  // of each vector
     std::vector<std::size_t> added;    // vectors that became code-vectors
   };
 
-  Assigned assign(LevelName name, const Vectors& vectors, double threshold, NearestSearch& search);
+  Assigned assign(LevelName name, const ScaledVectors& vectors, double threshold,
+                  NearestSearch& search);
   // Cuts the added vectors into those of the level below, and assigns these.
-  void descend(LevelName name, const Vectors& vectors, const std::vector<std::size_t>& added,
+  void descend(LevelName name, const ScaledVectors& vectors, const std::vector<std::size_t>& added,
                const VqThresholds& thresholds, NearestSearch& search);
-  void enter(LevelName name, const Vectors& vectors, const VqThresholds& thresholds,
+  void enter(LevelName name, const ScaledVectors& vectors, const VqThresholds& thresholds,
              NearestSearch& search, std::vector<std::uint32_t>& indices);
   void append(Level& level, const float* row, float scale);
   // Rows from `first` on as their entries say.
