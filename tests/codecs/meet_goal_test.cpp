@@ -5,10 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <set>
 
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
+#include "weft/codecs/least_error.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/pca.hpp"
 
@@ -218,6 +221,116 @@ TEST(MeetGoal, FindsTheLargestFileThatIsSmallEnough) {
   // all of it, where there is no more
   made.complete = true;
   EXPECT_EQ(rank_of(made.meet("size=1MiB")), 9U);
+}
+
+// Errors that fall with the components and rise with what quantisation takes: every model is stored
+// in the same number of bytes.
+struct Traded {
+  std::size_t best = 0;  // the components that err least
+  std::size_t small_enough = std::numeric_limits<std::size_t>::max();
+  std::map<std::size_t, std::size_t> asked;
+
+  double error(std::size_t i) {
+    ++asked[i];
+    if (i > small_enough) return std::numeric_limits<double>::infinity();
+    const double x = static_cast<double>(i + 1) / static_cast<double>(best + 1);
+    return x + 1 / x;
+  }
+};
+
+TEST(LeastError, IsFoundNearWhereverItIs) {
+  const MadeModels models(std::vector<double>(500, 1.0), 1, true);
+  for (const std::size_t best : {0U, 1U, 17U, 100U, 380U, 499U}) {
+    for (const std::size_t start : {0U, 1U, 30U, 200U, 499U}) {
+      Traded made;
+      made.best = best;
+      const std::size_t found =
+          least_error(models, start, [&](std::size_t i) { return made.error(i); });
+      // by less than 2 % of the least
+      EXPECT_LE(made.error(found), 2.04) << best << " from " << start << ": " << found;
+      made.asked.erase(found);
+      for (const auto& [i, times] : made.asked) EXPECT_EQ(times, 1U) << i;
+      EXPECT_LE(made.asked.size(), 24U);
+    }
+  }
+}
+
+TEST(LeastError, GoesDownToWhatFits) {
+  const MadeModels models(std::vector<double>(500, 1.0), 1, true);
+  for (const std::size_t most : {0U, 3U, 40U}) {
+    Traded made;
+    made.best = 499;
+    made.small_enough = most;
+    const std::size_t found =
+        least_error(models, 300, [&](std::size_t i) { return made.error(i); });
+    EXPECT_LE(found, most);
+    EXPECT_GE(1.25 * static_cast<double>(found + 1), static_cast<double>(most + 1));
+  }
+}
+
+// Steps that are as fine as a size allows: more components until the error stops falling, a larger
+// decomposition where it falls up to the last, and an unmet goal where nothing is small enough.
+TEST(MeetGoal, TradesComponentsForSteps) {
+  const BtfInfo info = make_info(shape, DType::f16);
+  for (const std::size_t best : {4U, 60U, 150U}) {
+    Traded made;
+    made.best = best;
+    std::size_t decompositions = 0;
+    bool fits = true;
+    GoalSource source;
+    source.bytes = 1 << 20;
+    source.squares = 100 * rms * rms;
+    source.root_mean_square = rms;
+    source.storage = Storage::f32;
+    GoalSteps steps;
+    steps.decompose = [&](const NestedRequest& request) {
+      EXPECT_TRUE(request.steps);
+      return std::make_unique<MadeModels>(
+          std::vector<double>(std::size_t{50} << decompositions++, 1.0), 1, false);
+    };
+    steps.store_to_size = [&](Model& model) {
+      model.info.storage = Storage::f32;
+      return fits;
+    };
+    steps.measure = [&](const Model& model) {
+      return MeasuredModel{report_of(0.01 * made.error(dynamic_cast<const PcaModel&>(model).rank))};
+    };
+    Job job;
+    job.notes = {"before"};
+    const GoalResult result = meet_goal(parse_goal("size=9000", info), source, steps, job);
+    EXPECT_EQ(result.decompositions, best < 49 ? 1U : best < 99 ? 2U : 3U);
+    EXPECT_LE(result.measured.errors.relative, 0.0204);
+    EXPECT_NEAR(result.measured.errors.relative, 0.01 * made.error(rank_of(result)), 1e-12);
+    EXPECT_EQ(job.notes, std::vector<std::string>{"before"});
+    EXPECT_TRUE(job.held.empty());
+    fits = false;
+    expect_error(ErrorKind::unmet_goal, {"--target size=9000", "9000 are allowed"},
+                 [&] { meet_goal(parse_goal("size=9000", info), source, steps, job); });
+  }
+}
+
+// What a size's models will take is in the plan of the decomposition, before it starts.
+TEST(MeetGoal, CountsWhatItWillTryBeforehand) {
+  const BtfInfo info = make_info(shape, DType::f16);
+  GoalSource source;
+  source.bytes = 1 << 20;
+  source.squares = 100 * rms * rms;
+  source.root_mean_square = rms;
+  source.storing_bytes = 16;
+  Job job;
+  job.memory = 100000;
+  job.held = {{"weights", 10}};
+  bool decomposed = false;
+  GoalSteps steps;
+  steps.decompose = [&](const NestedRequest&) -> std::unique_ptr<NestedModels> {
+    job.plan({});
+    decomposed = true;
+    return nullptr;
+  };
+  expect_error(ErrorKind::input, {"--memory 100000", "models that are tried"},
+               [&] { meet_goal(parse_goal("size=30000", info), source, steps, job); });
+  EXPECT_FALSE(decomposed);
+  EXPECT_EQ(job.held.size(), 1U);
 }
 
 TEST(Goal, ReadsEveryKind) {

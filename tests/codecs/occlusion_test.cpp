@@ -20,6 +20,7 @@
 #include "weft/btf/mask_distance.hpp"
 #include "weft/codecs/compress.hpp"
 #include "weft/codecs/goal.hpp"
+#include "weft/model/file_sizer.hpp"
 
 namespace weft::test {
 namespace {
@@ -300,6 +301,23 @@ TEST(OcclusionModel, CountsInGoals) {
     EXPECT_EQ(result.model->info.occlusion, occlusion) << codec;
     EXPECT_TRUE(result.model->info.btf.mask.empty());
     EXPECT_LE(model_file_size(*result.model), std::size_t{24} << 10) << codec;
+  }
+}
+
+// Of many models with one model of a mask, that is coded once.
+TEST(OcclusionModel, IsCodedOnceForSizes) {
+  Job job;
+  const BtfInfo info = masked_info(threads_mask());
+  FileSizer sizer;
+  for (const OcclusionKind kind : {OcclusionKind::distance, OcclusionKind::mask}) {
+    const std::size_t before = sizer.coded_masks();
+    const auto occlusion =
+        compress_occlusion(nullptr, info, request_of(mask_codecs()[0], kind), job);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto model = model_with(occlusion);
+      EXPECT_EQ(sizer.size(*model), model_file_size(*model));
+    }
+    EXPECT_EQ(sizer.coded_masks(), before + 1);
   }
 }
 

@@ -14,6 +14,7 @@
 #include "support/largest_allocation.hpp"
 #include "support/temporary_folder.hpp"
 #include "weft/model/entropy_code.hpp"
+#include "weft/model/file_sizer.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/storage.hpp"
 
@@ -129,6 +130,25 @@ std::string valid_file() {
   TemporaryFolder folder;
   write_model(folder / "m", model_with(disc_mask()));
   return read_bytes(folder / "m");
+}
+
+// Of many models with one mask, it is packed once.
+TEST(FileSizer, PacksAMaskOnce) {
+  FileSizer sizer;
+  for (const auto& mask : {disc_mask(), random_mask(0.5)}) {
+    const std::size_t before = sizer.coded_masks();
+    for (std::size_t i = 0; i < 3; ++i) {
+      PcaModel model = model_with(mask);
+      model.mean[0] += static_cast<float>(i);
+      model.info.errors.reset();
+      EXPECT_EQ(sizer.size(model), model_file_size(model));
+      const std::size_t size = sizer.size(model);
+      EXPECT_GT(sizer.size_with_errors(model), size);
+      EXPECT_FALSE(model.info.errors);
+    }
+    EXPECT_EQ(sizer.coded_masks(), before + 1);
+  }
+  EXPECT_EQ(sizer.size(model_with({})), model_file_size(model_with({})));
 }
 
 void replace_mask(EditableModel& model, const std::vector<std::size_t>& sizes,

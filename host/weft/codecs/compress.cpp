@@ -158,8 +158,8 @@ MeasuredModel measure(Device* device, TileSource& source, const CompressRequest&
   return measured;
 }
 
-// Bytes of a number, about.
-double value_bytes(const StorageRequest& storage) {
+// Bytes of a number, about: with steps as coarse as a size makes them, few.
+double value_bytes(const StorageRequest& storage, bool by_size) {
   switch (storage.kind) {
     case StorageRequest::Kind::half:
       return 2;
@@ -168,7 +168,7 @@ double value_bytes(const StorageRequest& storage) {
     case StorageRequest::Kind::bits:
       return storage.bits / 8.0;
     case StorageRequest::Kind::automatic:
-      return 1;
+      return by_size ? 0.25 : 1;
   }
   return 2;
 }
@@ -199,9 +199,13 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
       std::sqrt(of_goal.square_reference / static_cast<double>(source.info().shape.values()));
   about.peak = request.peak > 0 ? request.peak : psnr_peak(source.info(), sums);
   about.storage = request.storage.fitted();
-  about.value_bytes = value_bytes(request.storage);
+  about.value_bytes = value_bytes(request.storage, request.goal.by_size());
+  about.storing_bytes = storing_bytes(request.storage, 1);
   about.may_widen = request.may_widen;
+  FileSizer sizer;
+  double bytes_of_bit = 0.125;
   GoalSteps steps;
+  steps.sizer = &sizer;
   steps.decompose = [&](const NestedRequest& wanted) {
     return decompose(device, prepared, request, wanted, job);
   };
@@ -211,6 +215,7 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
     return fit(device, prepared, request, parameters, job);
   };
   StorageBound bound;
+  bound.sizer = &sizer;
   if (weighs) bound.weights = &request.weights;
   steps.store = [&, bound](Model& model, Storage storage) {
     prepared.undo(model);
@@ -230,6 +235,14 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
     steps.store_to_goal = [&, bound](Model& model) {
       prepared.undo(model);
       store_model(device, model, source, request.storage, job, bound);
+    };
+  }
+  if (request.storage.kind == StorageRequest::Kind::automatic && request.goal.by_size()) {
+    bound.most_bytes = request.goal.bytes;
+    bound.bytes_of_bit = &bytes_of_bit;
+    steps.store_to_size = [&, bound](Model& model) {
+      prepared.undo(model);
+      return store_model(device, model, source, request.storage, job, bound);
     };
   }
   steps.measure = [&](const Model& model) { return measure(device, source, request, model, job); };

@@ -314,6 +314,11 @@ MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& 
       {plan_truncated_svd(device, source, svd_options(options), job), texels, back, views}, less);
 }
 
+std::unique_ptr<SparseEncoder> sparse_encoder(Device& device, TileSource& source,
+                                              const SparseOptions& options, Job& job) {
+  return std::make_unique<DeviceEncoder>(device, source, options, job);
+}
+
 SparseFit fit_sparse(Device& device, TileSource& source, const SparseOptions& options, Job& job) {
   DeviceEncoder encoder(device, source, options, job);
   const MeasureSparse measure = [&](const SparseModel& model) {

@@ -19,6 +19,10 @@ namespace weft {
 MemoryPlan plan_sparse(Device& device, TileSource& source, const SparseOptions& options,
                        const Job& job);
 
+// `device`, `source` and `job` must outlive it.
+std::unique_ptr<SparseEncoder> sparse_encoder(Device& device, TileSource& source,
+                                              const SparseOptions& options, Job& job);
+
 // The fit that `options` ask for, of a goal as sparse_goal.hpp says. The model is rounded to its
 // storage.
 SparseFit fit_sparse(Device& device, TileSource& source, const SparseOptions& options, Job& job);

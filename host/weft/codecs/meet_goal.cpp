@@ -9,9 +9,11 @@
 #include <optional>
 #include <string_view>
 #include <utility>
+#include <vector>
 
+#include "weft/codecs/least_error.hpp"
 #include "weft/error.hpp"
-#include "weft/model/model_file.hpp"
+#include "weft/model/file_sizer.hpp"
 #include "weft/model/model_metadata.hpp"
 
 namespace weft {
@@ -29,7 +31,17 @@ std::string fingerprint(const Model& model) {
 class Search {
  public:
   Search(const Goal& goal, const GoalSource& source, const GoalSteps& steps, Job& job)
-      : goal_(goal), source_(source), steps_(steps), job_(job), storage_(source.storage) {}
+      : goal_(goal),
+        source_(source),
+        steps_(steps),
+        job_(job),
+        storage_(source.storage),
+        held_(job.held.size()) {
+    job.held.push_back({"models that are tried", 0});
+  }
+  ~Search() { job_.held.resize(held_); }
+  Search(const Search&) = delete;
+  Search& operator=(const Search&) = delete;
 
   GoalResult run() {
     NestedRequest request = first_request();
@@ -38,8 +50,7 @@ class Search {
       goal_.by_size() ? encode_to_size() : encode_to_error();
       return std::move(result_);
     }
-    for (std::size_t round = 1; !(goal_.by_size() ? largest(*models) : smallest(*models));
-         ++round) {
+    for (std::size_t round = 1; !found_in(*models); ++round) {
       if (round == most_rounds || models->complete() || exhausted_) {
         if (goal_.by_size() && result_.model) break;  // no decomposition is larger
         fail_unmet(models->bound());
@@ -56,7 +67,7 @@ class Search {
         fail_unmet(error.what());
       }
     }
-    if (goal_.by_size()) {
+    if (goal_.by_size() && !steps_.store_to_size) {
       result_.measured = steps_.measure(*result_.model);
       ++result_.trials;
     } else if (steps_.store_to_goal && models) {
@@ -79,6 +90,7 @@ class Search {
   NestedRequest first_request() const {
     NestedRequest request;
     request.storage = storage_;
+    request.steps = steps_.store_to_goal || steps_.store_to_size;
     request.squares = source_.squares;
     if (goal_.by_size()) {
       request.values = static_cast<std::size_t>(static_cast<double>(goal_.bytes) / value_bytes());
@@ -99,6 +111,12 @@ class Search {
     return request;
   }
 
+  // Whether these models hold the one that is searched for.
+  bool found_in(const NestedModels& models) {
+    if (!goal_.by_size()) return smallest(models);
+    return steps_.store_to_size ? most_accurate(models) : largest(models);
+  }
+
   // A decomposition or an encoder speaks of the error that it was asked for.
   template <typename Make>
   auto rephrased(double relative, const Make& make) {
@@ -117,24 +135,34 @@ class Search {
 
   std::unique_ptr<NestedModels> decompose(const NestedRequest& request) {
     const Clock::time_point start = Clock::now();
+    // A model that is tried, here and on the device, and the best so far: counted in the
+    // decomposition's plan where they are foreseen, else as soon as they are known.
+    const std::size_t number = 3 * sizeof(float) + source_.storing_bytes;
+    job_.held[held_].bytes =
+        static_cast<std::size_t>(request.growth * static_cast<double>(request.values)) * number;
     std::unique_ptr<NestedModels> models =
         rephrased(request.relative, [&] { return steps_.decompose(request); });
     if (!models) return models;
     result_.decompositions += models->decompositions();
     result_.decompose_seconds = std::chrono::duration<double>(Clock::now() - start).count();
-    // the decomposition, a model that is tried, and the best so far
-    const std::size_t bytes = models->values(models->count() - 1) * sizeof(float);
+    const std::size_t numbers = models->values(models->count() - 1);
     MemoryPlan plan;
     plan.items = job_.held;
+    plan.items[held_].bytes = numbers * number;
     plan.limit = job_.memory;
-    plan.add("decomposition", bytes);
-    plan.add("models that are tried", 2 * bytes);
+    plan.add("decomposition", numbers * sizeof(float));
     plan.check();
+    // storing a model has a plan of its own
+    job_.held[held_].bytes = 2 * numbers * sizeof(float);
     return models;
   }
 
   // The request after one that came to too little.
   void enlarge(NestedRequest& request, const NestedModels& models) {
+    if (steps_.store_to_size) {
+      request.growth *= 2;
+      return;
+    }
     if (goal_.by_size()) {
       constexpr double spare = 1.05;
       const double numbers = static_cast<double>(models.values(models.count() - 1));
@@ -324,38 +352,49 @@ class Search {
     return too_large < count || models.complete();
   }
 
-  // The last model of at most so many numbers, or the first.
-  static std::size_t last_within(const NestedModels& models, double values) {
-    std::size_t low = 0;
-    std::size_t high = models.count();
-    while (low + 1 < high) {
-      const std::size_t middle = low + (high - low) / 2;
-      if (static_cast<double>(models.values(middle)) <= values) {
-        low = middle;
-      } else {
-        high = middle;
+  // The model that errs least where its steps are as fine as the size allows; false where none is
+  // small enough, or where a larger decomposition may hold a better one.
+  bool most_accurate(const NestedModels& models) {
+    const double most = static_cast<double>(models.values(models.count() - 1));
+    constexpr double larger = 1.05;
+    if (most < larger * largest_values_) exhausted_ = true;
+    largest_values_ = most;
+    const double hoped = static_cast<double>(goal_.bytes) / value_bytes();
+    const std::vector<std::string> notes = job_.notes;
+    const ErrorOfModel error = [&](std::size_t i) {
+      job_.notes = notes;
+      std::unique_ptr<Model> model = models.model(i);
+      if (!steps_.store_to_size(*model)) {
+        if (i == 0) smallest_size_ = file_size(*model);
+        return std::numeric_limits<double>::infinity();
       }
+      Trial tried = measured(std::move(model));
+      const ErrorReport& errors = tried.errors();
+      const double found = errors.weighted ? errors.weighted->rmse : errors.rmse;
+      if (result_.model && found >= least_error_) return found;
+      least_error_ = found;
+      best_values_ = static_cast<double>(models.values(i));
+      best_notes_.assign(job_.notes.begin() + static_cast<std::ptrdiff_t>(notes.size()),
+                         job_.notes.end());
+      result_.measured = tried.measured;
+      take_by_size(std::move(tried.model), file_size(*tried.model));
+      return found;
+    };
+    const std::size_t best =
+        least_error(models, last_within(models, best_values_ > 0 ? best_values_ : hoped), error);
+    job_.notes = notes;
+    if (!result_.model) {
+      exhausted_ = true;
+      return false;
     }
-    return low;
+    const bool done = best + 1 < models.count() || models.complete() || exhausted_;
+    if (done) job_.notes.insert(job_.notes.end(), best_notes_.begin(), best_notes_.end());
+    return done;
   }
 
-  // Of a model whose errors are not measured yet: with the longest that they may be.
-  static std::size_t file_size(Model& model) {
-    const std::optional<ErrorReport> kept = model.info.errors;
-    constexpr double long_number = -1.7976931348623157e-300;
-    ErrorReport longest;
-    longest.rmse = longest.peak = longest.psnr = longest.snr = long_number;
-    longest.relative = longest.max_error = long_number;
-    longest.ssim = long_number;
-    longest.log = LogErrorReport{long_number, long_number, long_number};
-    if (!model.info.weights.empty()) {
-      longest.weighted = WeightedErrorReport{long_number, long_number, long_number, long_number};
-    }
-    model.info.errors = longest;
-    const std::size_t size = model_file_size(model);
-    model.info.errors = kept;
-    return size;
-  }
+  // Of a model whose errors are not measured yet.
+  std::size_t file_size(Model& model) { return sizer().size_with_errors(model); }
+  FileSizer& sizer() { return steps_.sizer ? *steps_.sizer : own_sizer_; }
 
   void take(Trial trial) {
     result_.model = std::move(trial.model);
@@ -445,13 +484,20 @@ class Search {
   const GoalSteps& steps_;
   Job& job_;
   Storage storage_;
+  std::size_t held_;  // where the job's items have that of the models that are tried
+  FileSizer own_sizer_;
   GoalResult result_;
   std::map<std::string, MeasuredModel> known_;  // of models that were measured
   double nearest_factor_ = 0;                   // of the largest models so far
   double bytes_of_value_ = 2;
   std::size_t smallest_size_ = 0;
-  std::size_t met_ = 0;     // the smallest model that meets an error
-  bool exhausted_ = false;  // whether larger decompositions came to nothing more
+  std::size_t met_ = 0;        // the smallest model that meets an error
+  bool exhausted_ = false;     // whether larger decompositions came to nothing more
+  double largest_values_ = 0;  // of a decomposition
+  // of the most accurate model that is small enough
+  double least_error_ = 0;
+  double best_values_ = 0;
+  std::vector<std::string> best_notes_;
 };
 
 }  // namespace

@@ -2,8 +2,8 @@
 // meets it by its size. Models are cut of one decomposition (nested_models.hpp): the errors that it
 // foresees say where to look, and models are stored and measured until one meets the goal and the
 // next smaller one misses it. Where the largest misses, a larger decomposition follows. Where steps
-// of quantisation are searched for too, larger models with coarser steps may take fewer bytes: some
-// are tried.
+// of quantisation are searched for too, larger models with coarser steps may take fewer bytes, or
+// err less in as many: some are tried (least_error.hpp).
 #pragma once
 
 #include <cstddef>
@@ -16,6 +16,7 @@
 #include "weft/codecs/goal.hpp"
 #include "weft/codecs/nested_models.hpp"
 #include "weft/metrics/error_sums.hpp"
+#include "weft/model/file_sizer.hpp"
 
 namespace weft {
 
@@ -37,8 +38,12 @@ struct GoalSteps {
   // same with as coarse steps as the goal allows, and in float, which says whether there are any.
   std::function<void(Model& model)> store_to_goal = nullptr;
   std::function<void(Model& model)> store_floats = nullptr;
+  // Where steps are searched for and the goal is a size, else null: the same with as fine steps as
+  // its bytes allow; false where they do not allow any.
+  std::function<bool(Model& model)> store_to_size = nullptr;
   // Errors of a stored model that the goal is about.
   std::function<MeasuredModel(const Model& model)> measure;
+  FileSizer* sizer = nullptr;  // of the models' files; null: one of the search's own
 };
 
 struct GoalSource {
@@ -48,6 +53,7 @@ struct GoalSource {
   double peak = 1;                 // of the PSNR
   Storage storage = Storage::f16;  // that models are fitted for
   double value_bytes = 2;          // of a number in the file, about
+  std::size_t storing_bytes = 0;   // of memory, that storing a number takes beside the number
   bool may_widen = false;          // whether float may take the place of half that misses the goal
 };
 

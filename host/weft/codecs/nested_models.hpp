@@ -22,6 +22,7 @@ struct NestedRequest {
   double growth = 1;       // of a codec's own first guess, where what it came to was too little
   double squares = 0;      // |T|^2
   Storage storage = Storage::f16;  // that models are to be rounded to
+  bool steps = false;              // whether steps of quantisation are searched for besides
   // What the decomposition before this one found, where it does not change: see
   // NestedModels::spectra.
   std::shared_ptr<const ModeSpectra> spectra;

@@ -98,6 +98,24 @@ class SparseCodec final : public Codec {
     return finish(std::move(fit), options, job);
   }
 
+  // Only where sizes do not follow from the lengths of lists, which a search of its own is cheaper
+  // for. Lengths that are given are the most.
+  std::unique_ptr<NestedModels> nested(Device* device, TileSource& source,
+                                       const Parameters& parameters, const NestedRequest& request,
+                                       Job& job) const override {
+    if (!request.steps) return nullptr;
+    Parameters with_goal = parameters;
+    with_goal["target"] = "rel=0.5";  // whatever it is
+    SparseOptions options = sparse_options(with_goal, source.info(), request.storage);
+    options.goal.text.clear();
+    if (device) job.plan(plan_sparse(*device, source, options, job));
+    return nested_sparse(
+        device ? sparse_encoder(*device, source, options, job)
+               : reference::sparse_encoder(source, options, job),
+        source.info(), options, request,
+        [options, &job](SparseFit fit) { return finish(std::move(fit), options, job); }, job);
+  }
+
   std::unique_ptr<Model> fitted_part(const Model& model,
                                      const Selection& selection) const override {
     return as_sparse(model).select(selection);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <utility>
 
 #include "weft/error.hpp"
@@ -43,13 +44,44 @@ class ErrorTrend {
 class GoalSearch {
  public:
   GoalSearch(SparseEncoder& encoder, const BtfInfo& source, const SparseOptions& options,
-             const MeasureSparse& measure, Job& job)
+             MeasureSparse measure, Job& job)
       : encoder_(encoder),
         source_(source),
         options_(options),
-        measure_(measure),
+        measure_(std::move(measure)),
         job_(job),
         sizes_(source.shape, options) {}
+
+  // Choices for models of about so many numbers, or of the goal's error; none of data that is its
+  // mean.
+  const std::vector<SparseLengthChoice>& choose(double numbers) {
+    encoder_.project(options_.rank);
+    if (encoder_.rank() == 0) return choices_;
+    if (options_.goal.kind == FitGoal::Kind::relative) {
+      decompose_for_error();
+      return choices_;
+    }
+    for (;;) {
+      decompose_long(static_cast<std::size_t>(numbers) * real_bytes());
+      std::size_t last = choices_.size() - 1;
+      while (last > 0 && numbers_of(choices_[last]) > numbers) --last;
+      if (!raise_rank(choices_[last].squares)) return choices_;
+    }
+  }
+
+  // With an index for each coefficient.
+  double numbers_of(const SparseLengthChoice& choice) const {
+    const std::size_t of_views = sizes_.abrdf_atoms * source_.shape.views * choice.view_terms;
+    const std::size_t of_texels = sizes_.texels * choice.texel_terms;
+    return static_cast<double>(2 * (of_views + of_texels) + sizes_.light_atoms * sizes_.fibre +
+                               sizes_.row);
+  }
+
+  // Whether lists are as long as they may be.
+  bool longest() const {
+    return choices_.empty() || (choices_.back().view_terms == options_.view_terms &&
+                                choices_.back().texel_terms == options_.texel_terms);
+  }
 
   SparseFit fit() {
     encoder_.project(options_.rank);
@@ -58,7 +90,23 @@ class GoalSearch {
     return goal.kind == FitGoal::Kind::size ? fit_size() : fit_relative();
   }
 
- private:
+  // Relative error of a choice, from the long lists.
+  double foreseen(const SparseLengthChoice& choice) const {
+    return std::sqrt(std::pow(encoder_.projection_error(), 2) + choice.squares);
+  }
+
+  // The decomposition with these lengths, from the dictionaries of the long lists.
+  SparseFit refit(const SparseLengthChoice& choice) {
+    SparseFit fit = stored(encoder_.refit(choice.view_terms, choice.texel_terms,
+                                          options_.iterations - first_iterations()));
+    job_.notes.push_back(fmt::format(
+        "k1 {}, k2 {}: relative error foreseen {:.4g} from longer lists, {:.4g} from these "
+        "(projection {:.4g}, texels {:.4g}, views {:.4g})",
+        choice.view_terms, choice.texel_terms, foreseen(choice), fit.errors.foreseen(),
+        fit.errors.projection, fit.errors.texels, fit.errors.views));
+    return fit;
+  }
+
   // Lengths as they are, or data that is its mean.
   SparseFit fit_as_given() {
     SparseFit fit =
@@ -72,6 +120,7 @@ class GoalSearch {
     return fit;
   }
 
+ private:
   SparseFit fit_size() {
     const FitGoal& goal = options_.goal;
     for (;;) {
@@ -91,15 +140,7 @@ class GoalSearch {
 
   SparseFit fit_relative() {
     const FitGoal& goal = options_.goal;
-    const double square = goal.relative * goal.relative;
-    while (raise_rank(square - std::pow(encoder_.projection_error(), 2))) {
-    }
-    if (encoder_.projection_error() >= goal.relative) {
-      fail(ErrorKind::unmet_goal,
-           "--target {}: the projection onto {} components alone leaves {:.4g}; raise --rank",
-           goal.text, encoder_.rank(), encoder_.projection_error());
-    }
-    decompose_long(std::numeric_limits<std::size_t>::max());
+    decompose_for_error();
 
     // choices_[meeting] meets the goal, if it is one; all before `untried` miss it
     std::size_t untried = 0;
@@ -135,9 +176,18 @@ class GoalSearch {
     return best;
   }
 
-  // Relative error of a choice, from the long lists.
-  double foreseen(const SparseLengthChoice& choice) const {
-    return std::sqrt(std::pow(encoder_.projection_error(), 2) + choice.squares);
+  // With as many components as the goal takes.
+  void decompose_for_error() {
+    const FitGoal& goal = options_.goal;
+    const double square = goal.relative * goal.relative;
+    while (raise_rank(square - std::pow(encoder_.projection_error(), 2))) {
+    }
+    if (encoder_.projection_error() >= goal.relative) {
+      fail(ErrorKind::unmet_goal,
+           "--target {}: the projection onto {} components alone leaves {:.4g}; raise --rank",
+           goal.text, encoder_.rank(), encoder_.projection_error());
+    }
+    decompose_long(std::numeric_limits<std::size_t>::max());
   }
 
   std::size_t first_iterations() const { return (options_.iterations + 1) / 2; }
@@ -154,18 +204,6 @@ class GoalSearch {
     const StageTimer timer(job_, "errors of shorter lists");
     const SparseLengthErrors errors = encoder_.length_errors();
     choices_ = best_lengths(errors.views, errors.texels, length_bytes(*fit.model));
-  }
-
-  // The decomposition with these lengths, from the dictionaries of the long lists.
-  SparseFit refit(const SparseLengthChoice& choice) {
-    SparseFit fit = stored(encoder_.refit(choice.view_terms, choice.texel_terms,
-                                          options_.iterations - first_iterations()));
-    job_.notes.push_back(fmt::format(
-        "k1 {}, k2 {}: relative error foreseen {:.4g} from longer lists, {:.4g} from these "
-        "(projection {:.4g}, texels {:.4g}, views {:.4g})",
-        choice.view_terms, choice.texel_terms, foreseen(choice), fit.errors.foreseen(),
-        fit.errors.projection, fit.errors.texels, fit.errors.views));
-    return fit;
   }
 
   // Whether the rank was raised, since the projection makes most of the squared error beside
@@ -226,10 +264,51 @@ class GoalSearch {
   SparseEncoder& encoder_;
   const BtfInfo& source_;
   SparseOptions options_;
-  const MeasureSparse& measure_;
+  MeasureSparse measure_;
   Job& job_;
   SparseSizes sizes_;
   std::vector<SparseLengthChoice> choices_;
+};
+
+class NestedSparse final : public NestedModels {
+ public:
+  NestedSparse(std::unique_ptr<SparseEncoder> encoder, const BtfInfo& source,
+               const SparseOptions& options, const NestedRequest& request, FinishSparse finish,
+               Job& job)
+      : encoder_(std::move(encoder)),
+        search_(*encoder_, source, options, {}, job),
+        choices_(search_.choose(request.growth * static_cast<double>(request.values))),
+        finish_(std::move(finish)) {}
+
+  std::size_t count() const override { return std::max<std::size_t>(choices_.size(), 1); }
+  std::unique_ptr<Model> model(std::size_t i) const override {
+    auto known = made_.find(i);
+    if (known == made_.end()) {
+      const std::unique_ptr<Model> made =
+          finish_(choices_.empty() ? search_.fit_as_given() : search_.refit(choices_[i]));
+      known = made_.emplace(i, dynamic_cast<const SparseModel&>(*made)).first;
+    }
+    return std::make_unique<SparseModel>(known->second);
+  }
+  std::size_t values(std::size_t i) const override {
+    return choices_.empty() ? 1 : static_cast<std::size_t>(search_.numbers_of(choices_[i]));
+  }
+  double error(std::size_t i) const override {
+    return choices_.empty() ? 0 : search_.foreseen(choices_[i]);
+  }
+  bool complete() const override { return search_.longest(); }
+  std::string bound() const override {
+    if (choices_.empty()) return "data that is its mean";
+    return fmt::format("k1 = {}, k2 = {} and {} components (--k1, --k2, --atoms, --rank)",
+                       choices_.back().view_terms, choices_.back().texel_terms, encoder_->rank());
+  }
+
+ private:
+  std::unique_ptr<SparseEncoder> encoder_;
+  mutable GoalSearch search_;
+  const std::vector<SparseLengthChoice>& choices_;
+  FinishSparse finish_;
+  mutable std::map<std::size_t, SparseModel> made_;  // that were asked for
 };
 
 }  // namespace
@@ -245,6 +324,21 @@ SparseSizes::SparseSizes(const BtfShape& shape, const SparseRequest& request)
 SparseFit fit_sparse(SparseEncoder& encoder, const BtfInfo& source, const SparseOptions& options,
                      const MeasureSparse& measure, Job& job) {
   return GoalSearch(encoder, source, options, measure, job).fit();
+}
+
+std::unique_ptr<NestedModels> nested_sparse(std::unique_ptr<SparseEncoder> encoder,
+                                            const BtfInfo& source, const SparseOptions& options,
+                                            const NestedRequest& request, FinishSparse finish,
+                                            Job& job) {
+  SparseOptions wanted = options;
+  FitGoal& goal = wanted.goal;
+  goal.kind = request.relative > 0 ? FitGoal::Kind::relative : FitGoal::Kind::size;
+  goal.relative = request.relative;
+  goal.bytes = std::numeric_limits<std::size_t>::max();
+  goal.text = request.relative > 0 ? fmt::format("rel={:.4g}", request.relative)
+                                   : fmt::format("size: a model of {} numbers", request.values);
+  return std::make_unique<NestedSparse>(std::move(encoder), source, wanted, request,
+                                        std::move(finish), job);
 }
 
 }  // namespace weft

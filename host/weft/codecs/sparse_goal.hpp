@@ -6,12 +6,17 @@
 // of all pairs k1, k2, those that no other beats in both size and error are tried in the order of
 // their sizes. A size takes the last that fits. An error takes the first that meets it, as measured
 // of the stored model: the one before was tried too, and misses it.
+//
+// Where steps of quantisation are searched for besides, the pairs are nested models: sizes do not
+// follow from lengths then.
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include "weft/btf/btf.hpp"
 #include "weft/codecs/fit_goal.hpp"
+#include "weft/codecs/nested_models.hpp"
 #include "weft/job.hpp"
 #include "weft/reference/sparse.hpp"
 
@@ -45,5 +50,15 @@ using MeasureSparse = std::function<double(const SparseModel& model)>;
 // reached.
 SparseFit fit_sparse(SparseEncoder& encoder, const BtfInfo& source, const SparseOptions& options,
                      const MeasureSparse& measure, Job& job);
+
+// What makes a fit the model that is stored.
+using FinishSparse = std::function<std::unique_ptr<Model>(SparseFit fit)>;
+
+// Models of all lengths that no others beat, of one decomposition as the request asks. `source`
+// and `job` must outlive them. A model takes another fit, from the decomposition's dictionaries.
+std::unique_ptr<NestedModels> nested_sparse(std::unique_ptr<SparseEncoder> encoder,
+                                            const BtfInfo& source, const SparseOptions& options,
+                                            const NestedRequest& request, FinishSparse finish,
+                                            Job& job);
 
 }  // namespace weft

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <numeric>
 
 #include "weft/codecs/decoded_source.hpp"
@@ -19,6 +20,7 @@ namespace {
 constexpr std::size_t most_groups = 16;  // of components, in one tensor
 constexpr unsigned probing_bits = 6;     // coarse against the decoder's rounding
 constexpr int most_measurements = 8;     // of the whole model
+constexpr int most_codings = 8;          // of the whole model, to find a size
 
 // Components whose gain is measured together.
 using Group = std::vector<std::size_t>;
@@ -27,8 +29,19 @@ struct RealTensor {
   std::string name;
   ComponentLayout layout;
   std::vector<float> peaks;
-  std::vector<double> gains;  // of each component
+  std::vector<double> squares;  // of each component's values, their mean
+  std::vector<double> gains;    // of each component
 };
+
+// The mean square of each component's values.
+std::vector<double> mean_squares(std::span<const float> values, const ComponentLayout& layout) {
+  std::vector<double> squares(layout.components, 0.0);
+  const double count = static_cast<double>(layout.outer * layout.inner);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    squares[i / layout.inner % layout.components] += double{values[i]} * double{values[i]} / count;
+  }
+  return squares;
+}
 
 // Images such that every view and every light is in one at least.
 std::vector<std::size_t> sample_images(const BtfShape& shape) {
@@ -75,6 +88,7 @@ class Allocation {
         source_(source),
         bound_(bound),
         job_(job),
+        sizer_(bound.sizer ? *bound.sizer : own_sizer_),
         images_(sample_images(model.info.btf.shape)) {
     plan();
     for (const std::span<float> values : model.real_values()) {
@@ -83,8 +97,9 @@ class Allocation {
     for (const ModelTensor& tensor : model.tensors()) {
       if (tensor.dtype != DType::f32) continue;
       const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
+      const std::vector<float>& values = fitted_[tensors_.size()];
       tensors_.push_back(
-          {tensor.name, layout, component_peaks(fitted_[tensors_.size()], layout), {}});
+          {tensor.name, layout, component_peaks(values, layout), mean_squares(values, layout), {}});
     }
   }
 
@@ -98,19 +113,66 @@ class Allocation {
       round_to_half();
       const double half = std::max(squares(), fitted);
       most_squares = (1 + slack) * (1 + slack) * half;
-      half_size = model_file_size(model_);
+      half_size = sizer_.size(model_);
       restore();
     }
     measure_gains();
     const bool met = search(*most_squares, fitted);
-    if (met && model_file_size(model_) <= half_size) {
-      note(fitted, *most_squares);
+    if (met && sizer_.size(model_) <= half_size) {
+      note(fmt::format("at most {:.4g} of the unquantised model's squared error",
+                       fitted > 0 ? *most_squares / fitted : 0.0));
       return;
     }
     restore();
     if (!has_goal) round_to_half();
     job_.notes.push_back(fmt::format("storage auto: {}, quantised tensors do not make it smaller",
                                      storage_text(model_.info)));
+  }
+
+  // Steps as fine as the bound's bytes allow; float, where that is as small. False, with the
+  // coarsest, where these take more.
+  bool choose_within_bytes() {
+    restore();
+    if (sizer_.size_with_errors(model_) <= bound_.most_bytes) return true;
+    measure_gains();
+    const StageTimer timer(job_, "steps of quantisation");
+    const double most = static_cast<double>(bound_.most_bytes);
+    const double least = size_with(std::numeric_limits<double>::infinity());  // nothing but zeros
+    if (least > most) return false;
+    constexpr double wanted = 0.9965;  // of the bytes that are allowed
+    constexpr double near = 0.993;
+    double within = std::numeric_limits<double>::infinity();
+    double beyond = 0;
+    double own_slope = 0.125;
+    double& slope = bound_.bytes_of_bit ? *bound_.bytes_of_bit : own_slope;
+    double bits = (wanted * most - least) / slope;
+    double bits_before = 0;
+    double size_before = least;
+    for (int i = 0; i < most_codings || !std::isfinite(within); ++i) {
+      double lambda = lambda_of(bits);
+      if (!(lambda < within && lambda > beyond)) {
+        lambda = !std::isfinite(within) ? 2 * beyond
+                 : beyond > 0           ? std::sqrt(within * beyond)
+                                        : within / 2;
+      }
+      if (!std::isfinite(lambda) || lambda == within || lambda == beyond) break;
+      const double size = size_with(lambda);
+      bits = bits_with(lambda);
+      if (i == 0) slope = std::max((size - least) / bits, 1e-6);
+      if (size <= most) within = lambda;
+      if (size > most) beyond = lambda;
+      if (size <= most && size >= near * most) break;
+      // Bytes grow ever faster with the bits: by how much the last two tell, and the first alone
+      // somewhere between what it took and whole bits.
+      double growth = (size - size_before) / (bits - bits_before);
+      if (i == 0) growth = std::sqrt(slope * std::max(slope, 0.125));
+      bits_before = bits;
+      size_before = size;
+      bits += (wanted * most - size) / (growth > 0 ? growth : slope);
+    }
+    quantise_with(within);
+    note(fmt::format("a file of {} bytes at most", bound_.most_bytes));
+    return true;
   }
 
  private:
@@ -212,28 +274,28 @@ class Allocation {
     return result;
   }
 
-  // |change of the sample|^2 / |change of the values|^2 for a group that is quantised alone; 0
+  // |change of the sample|^2 / |change of the values|^2 for a group that is `rounded` alone; 0
   // where nothing changes.
-  double gain(std::size_t n, const Group& group, std::span<const float> sample) {
-    const RealTensor& tensor = tensors_[n];
+  double gain(std::size_t n, const Group& group, std::span<const float> rounded,
+              std::span<const float> sample) {
+    const ComponentLayout& layout = tensors_[n].layout;
     const std::span<float> values = model_.real_values()[n];
-    const Quantisation probe{probing_bits, steps_of_bits(tensor.peaks, probing_bits)};
-    std::vector<float> rounded(values.begin(), values.end());
-    quantise(rounded, tensor.layout, probe);
-    for (const std::size_t c : group) {
-      for (std::size_t o = 0; o < tensor.layout.outer; ++o) {
-        const auto first = (o * tensor.layout.components + c) * tensor.layout.inner;
-        std::copy_n(rounded.begin() + static_cast<std::ptrdiff_t>(first), tensor.layout.inner,
-                    values.begin() + static_cast<std::ptrdiff_t>(first));
+    double change = 0;
+    const auto replace = [&](std::span<const float> by) {
+      for (const std::size_t c : group) {
+        for (std::size_t o = 0; o < layout.outer; ++o) {
+          const std::size_t first = (o * layout.components + c) * layout.inner;
+          const std::span<float> run = values.subspan(first, layout.inner);
+          change += sum_squares_between(run, by.subspan(first, layout.inner));
+          std::copy_n(by.begin() + static_cast<std::ptrdiff_t>(first), layout.inner, run.begin());
+        }
       }
-    }
-    const double change = sum_squares_between(values, fitted_[n]);
-    double result = 0;
-    if (change > 0) {
-      const double share = static_cast<double>(model_.info.btf.shape.images()) / sample_weight();
-      result = sample_squares_between(decoded(), sample) * share / change;
-    }
-    std::copy(fitted_[n].begin(), fitted_[n].end(), values.begin());
+    };
+    replace(rounded);
+    if (change == 0) return 0;
+    const double share = static_cast<double>(model_.info.btf.shape.images()) / sample_weight();
+    const double result = sample_squares_between(decoded(), sample) * share / change;
+    replace(fitted_[n]);
     return result;
   }
 
@@ -241,17 +303,19 @@ class Allocation {
     const StageTimer timer(job_, "gains of quantisation");
     const std::vector<float> sample = decoded();
     for (std::size_t n = 0; n < tensors_.size(); ++n) {
-      std::vector<double>& gains = tensors_[n].gains;
-      gains.assign(tensors_[n].layout.components, 0.0);
+      RealTensor& tensor = tensors_[n];
+      tensor.gains.assign(tensor.layout.components, 0.0);
+      std::vector<float> rounded = fitted_[n];
+      quantise(rounded, tensor.layout, {probing_bits, steps_of_bits(tensor.peaks, probing_bits)});
       for (const Group& group : groups_of(n)) {
-        const double found = gain(n, group, sample);
-        for (const std::size_t c : group) gains[c] = found;
+        const double found = gain(n, group, rounded, sample);
+        for (const std::size_t c : group) tensor.gains[c] = found;
       }
       // What changes nothing in the sample may matter elsewhere.
       double least = std::numeric_limits<double>::infinity();
-      for (const double g : gains) least = g > 0 ? std::min(least, g) : least;
+      for (const double g : tensor.gains) least = g > 0 ? std::min(least, g) : least;
       if (!std::isfinite(least)) least = 1;
-      std::replace(gains.begin(), gains.end(), 0.0, least);
+      std::replace(tensor.gains.begin(), tensor.gains.end(), 0.0, least);
     }
   }
 
@@ -267,6 +331,39 @@ class Allocation {
       }
       quantise_tensor(model_, n, steps);
     }
+  }
+
+  // Of the file, where components have g step^2 = lambda^2.
+  double size_with(double lambda) {
+    quantise_with(lambda);
+    return static_cast<double>(sizer_.size_with_errors(model_));
+  }
+
+  // Bits of all codes, about: a value of mean square s takes log2(s g / lambda^2) / 2 and those of
+  // a normal distribution's entropy, log2(2 pi e) / 2, until it is mostly zero.
+  double bits_with(double lambda) const {
+    constexpr double normal = 2 * std::numbers::pi * std::numbers::e;
+    double bits = 0;
+    for (const RealTensor& tensor : tensors_) {
+      const auto count = static_cast<double>(tensor.layout.outer * tensor.layout.inner);
+      for (std::size_t c = 0; c < tensor.squares.size(); ++c) {
+        const double value = std::sqrt(tensor.squares[c] * tensor.gains[c]) / lambda;
+        bits += count * std::log2(1 + normal * value * value) / 2;
+      }
+    }
+    return bits;
+  }
+
+  // The inverse.
+  double lambda_of(double bits) const {
+    double fine = -400;  // base 2 logarithms
+    double coarse = 400;
+    constexpr int halvings = 50;
+    for (int i = 0; i < halvings; ++i) {
+      const double middle = (fine + coarse) / 2;
+      (bits_with(std::exp2(middle)) > bits ? fine : coarse) = middle;
+    }
+    return std::exp2(coarse);
   }
 
   // The largest lambda found with an error within the bound; false if there is none. The added
@@ -298,15 +395,13 @@ class Allocation {
     return true;
   }
 
-  void note(double fitted, double most_squares) {
+  void note(const std::string& kept_within) {
     std::string bits;
     for (const RealTensor& tensor : tensors_) {
       bits += fmt::format("{}{} {}", bits.empty() ? "" : ", ", tensor.name,
                           model_.info.quantised.at(tensor.name).bits);
     }
-    job_.notes.push_back(fmt::format(
-        "storage auto: at most {:.4g} of the unquantised model's squared error, bits {}",
-        fitted > 0 ? most_squares / fitted : 0.0, bits));
+    job_.notes.push_back(fmt::format("storage auto: {}, bits {}", kept_within, bits));
   }
 
   Device* device_;
@@ -314,6 +409,8 @@ class Allocation {
   TileSource& source_;
   const StorageBound& bound_;
   Job& job_;
+  FileSizer own_sizer_;
+  FileSizer& sizer_;
   std::vector<std::size_t> images_;
   std::vector<std::vector<float>> fitted_;
   std::vector<RealTensor> tensors_;
@@ -321,17 +418,27 @@ class Allocation {
 
 }  // namespace
 
-void store_model(Device* device, Model& model, TileSource& source, const StorageRequest& request,
+bool store_model(Device* device, Model& model, TileSource& source, const StorageRequest& request,
                  Job& job, const StorageBound& bound) {
   using Kind = StorageRequest::Kind;
   if (request.kind == Kind::bits) {
     job.plan(plan_of(model, 1));
     quantise_all(model, request.bits);
   } else if (request.kind == Kind::automatic) {
-    Allocation(device, model, source, bound, job).choose(request.slack);
+    Allocation allocation(device, model, source, bound, job);
+    if (bound.most_bytes > 0) return allocation.choose_within_bytes();
+    allocation.choose(request.slack);
   } else {
     round_to_storage(model);
   }
+  return true;
+}
+
+std::size_t storing_bytes(const StorageRequest& request, std::size_t numbers) {
+  using Kind = StorageRequest::Kind;
+  const bool quantises = request.kind == Kind::bits || request.kind == Kind::automatic;
+  const std::size_t copies = request.kind == Kind::automatic ? 1 : 0;  // see plan_of
+  return (copies + (quantises ? 3 : 0)) * numbers * sizeof(float);
 }
 
 }  // namespace weft

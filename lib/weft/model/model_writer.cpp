@@ -10,6 +10,7 @@
 #include "weft/io/btf_tensors.hpp"
 #include "weft/model/coded_tensor.hpp"
 #include "weft/model/component_scale.hpp"
+#include "weft/model/file_sizer.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/model_metadata.hpp"
 #include "weft/model/occlusion_metadata.hpp"
@@ -123,13 +124,50 @@ void plan_tensors(const Part& part, const std::string& where, Plan& plan) {
   }
 }
 
-Plan plan_of(const Model& model, const std::string& where) {
+// The mask and the model of a mask that were met last, and what was made of them.
+struct CodedMasks {
+  std::vector<std::uint8_t> values;
+  std::optional<CodedBlob> packed;
+  std::shared_ptr<const Occlusion> occlusion;
+  Plan of_occlusion;
+  std::size_t coded = 0;
+
+  const std::optional<CodedBlob>& of(const BtfInfo& info) {
+    if (info.mask != values) {
+      packed = coded_mask(info);
+      values = info.mask;
+      ++coded;
+    }
+    return packed;
+  }
+
+  const Plan& of(const Part& part, std::shared_ptr<const Occlusion> model,
+                 const std::string& where) {
+    if (model != occlusion) {
+      of_occlusion = Plan();
+      plan_tensors(part, where, of_occlusion);
+      occlusion = std::move(model);
+      ++coded;
+    }
+    return of_occlusion;
+  }
+};
+
+Plan plan_of(const Model& model, const std::string& where, CodedMasks& masks) {
   Plan plan;
   const ModelInfo& info = model.info;
   plan.metadata = model_metadata(info, where);
-  for (const Part& part : parts_of(model, where)) plan_tensors(part, where, plan);
+  for (const Part& part : parts_of(model, where)) {
+    if (part.model == &model) {
+      plan_tensors(part, where, plan);
+      continue;
+    }
+    const Plan& of_mask = masks.of(part, info.occlusion, where);
+    plan.tensors.insert(plan.tensors.end(), of_mask.tensors.begin(), of_mask.tensors.end());
+    plan.coded.insert(of_mask.coded.begin(), of_mask.coded.end());
+  }
   if (!plan.coded.empty()) plan.metadata["weft.format"] = coded_format_version;
-  std::optional<CodedBlob> mask = coded_mask(info.btf);
+  std::optional<CodedBlob> mask = masks.of(info.btf);
   for (TensorInfo& tensor : btf_side_tensors(info.btf)) {
     if (tensor.name == "mask" && mask) tensor.shape = {mask->bytes.size()};
     plan.tensors.push_back(std::move(tensor));
@@ -154,7 +192,8 @@ Plan plan_of(const Model& model, const std::string& where) {
 std::size_t write_model(const std::filesystem::path& path, const Model& model) {
   const std::string where = path.string();
   validate(model.info.btf, where);
-  Plan plan = plan_of(model, where);
+  CodedMasks masks;
+  Plan plan = plan_of(model, where, masks);
   SafetensorsWriter writer(path, plan.tensors, plan.metadata);
   const auto write = [&](const std::string& name, std::span<const std::byte> bytes) {
     writer.write(name, 0, bytes);
@@ -222,8 +261,37 @@ std::size_t occlusion_tensor_bytes(const Occlusion& occlusion) {
 }
 
 std::size_t model_file_size(const Model& model) {
-  Plan plan = plan_of(model, "model");
+  return FileSizer().size(model);
+}
+
+struct FileSizer::Masks : CodedMasks {};
+
+FileSizer::FileSizer() : masks_(std::make_unique<Masks>()) {}
+FileSizer::~FileSizer() = default;
+
+std::size_t FileSizer::size(const Model& model) {
+  Plan plan = plan_of(model, "model", *masks_);
   return safetensors_file_size(std::move(plan.tensors), std::move(plan.metadata));
+}
+
+std::size_t FileSizer::size_with_errors(Model& model) {
+  constexpr double long_number = -1.7976931348623157e-300;
+  ErrorReport longest;
+  longest.rmse = longest.peak = longest.psnr = longest.snr = long_number;
+  longest.relative = longest.max_error = long_number;
+  longest.ssim = long_number;
+  longest.log = LogErrorReport{long_number, long_number, long_number};
+  if (!model.info.weights.empty()) {
+    longest.weighted = WeightedErrorReport{long_number, long_number, long_number, long_number};
+  }
+  const std::optional<ErrorReport> kept = std::exchange(model.info.errors, longest);
+  const std::size_t bytes = size(model);
+  model.info.errors = kept;
+  return bytes;
+}
+
+std::size_t FileSizer::coded_masks() const {
+  return masks_->coded;
 }
 
 }  // namespace weft
