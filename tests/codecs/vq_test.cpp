@@ -176,8 +176,8 @@ TEST(Vq, SimilarityLooksAtTheTexture) {
     EXPECT_EQ(entries, 1U);
     // thresholds for a goal
     const auto goal =
-        encode(on_device, *noisy_source(0), {{"similarity", "ssim"}, {"target", "rel=0.005"}});
-    EXPECT_LE(relative(CodecRun{"vq", on_device}.measure(*goal, *noisy_source(0))), 0.005);
+        encode(on_device, *noisy_source(0), {{"similarity", "ssim"}, {"target", "rel=0.014"}});
+    EXPECT_LE(relative(CodecRun{"vq", on_device}.measure(*goal, *noisy_source(0))), 0.014);
     EXPECT_LT(as_vq(*goal).sizes.p4, 144U);
     EXPECT_GT(as_vq(*goal).sizes.p4, 1U);
   }
