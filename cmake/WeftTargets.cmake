@@ -33,6 +33,7 @@ set(WEFT_KERNEL_INCLUDES ${PROJECT_SOURCE_DIR}/kernels/decode_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/group_largest.cl
                          ${PROJECT_SOURCE_DIR}/kernels/look_up_record.cl
                          ${PROJECT_SOURCE_DIR}/kernels/micro_tile.cl
+                         ${PROJECT_SOURCE_DIR}/kernels/onion_slices.cl
                          ${PROJECT_SOURCE_DIR}/kernels/surface_march.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_texels.cl
                          ${PROJECT_SOURCE_DIR}/kernels/tile_values.cl

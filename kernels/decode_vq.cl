@@ -27,8 +27,9 @@ __kernel void vq_entries(BOOK_PARAMETERS, ulong lights_of_view, ulong first, ulo
                          __global float* restrict entries) {
   const Books books = BOOKS;
   const ulong image = first + get_global_id(1);
-  __global const uint* view = views + image / lights_of_view * PLACE_WORDS;
-  __global const uint* light = lights + image * PLACE_WORDS;
+  uint view[PLACE_WORDS], light[PLACE_WORDS];
+  load_place(views + image / lights_of_view * PLACE_WORDS, view);
+  load_place(lights + image * PLACE_WORDS, light);
   __global float* out = entries + get_global_id(1) * size * (1 + COLOURS);
   const ulong end = min((get_global_id(0) + 1) * BLOCK, size);
   for (ulong j = get_global_id(0) * BLOCK; j < end; ++j) {

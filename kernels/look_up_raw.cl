@@ -30,6 +30,8 @@ typedef raw_t texel_t;
 inline float texel_value(__global const texel_t* p) { return tile_load(p); }
 #endif
 
+#define TAP_WORDS (DIRECTIONS ? 7 : 3)
+
 inline void sort_two(uint* index, float* weight, uint a, uint b) {
   if (index[a] <= index[b]) return;
   const uint i = index[a];
@@ -86,20 +88,25 @@ __kernel void look_up_raw(ulong count, ulong lights, ulong texels, ulong first, 
   }
 }
 
-// taps[i, a, b, t] = (p_t, v_a, l_b) of look-ups [first, first + count): records of one tap each.
+// taps[i, a, b, t] = (p_t, v_a, l_b) of look-ups [first, first + count): records of one tap each. Of
+// directions, these are their vectors.
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void expand_taps(ulong first, ulong count, __global const uint* restrict lookups,
                           __global uint* restrict taps) {
   const ulong end = min((get_global_id(0) + 1) * LOOKUPS, count);
   for (ulong i = get_global_id(0) * LOOKUPS; i < end; ++i) {
     __global const uint* record = lookups + (first + i) * WORDS;
-    __global uint* tap = taps + i * (VIEWS * LIGHTS * TEXELS * 3);
+    __global uint* tap = taps + i * (VIEWS * LIGHTS * TEXELS * TAP_WORDS);
     for (uint a = 0; a < VIEWS; ++a) {
       for (uint b = 0; b < LIGHTS; ++b) {
-        for (uint t = 0; t < TEXELS; ++t, tap += 3) {
+        for (uint t = 0; t < TEXELS; ++t, tap += TAP_WORDS) {
           tap[0] = texel_of(record, t);
+#if DIRECTIONS
+          for (uint k = 0; k < 6; ++k) tap[1 + k] = record[TEXELS + k];
+#else
           tap[1] = view_of(record, a);
           tap[2] = light_of(record, b);
+#endif
         }
       }
     }

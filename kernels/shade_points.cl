@@ -17,6 +17,7 @@
 // CHANNELS  1 or 3
 // BRDF      1: times the light's cosine; 0: times its scale
 // GRID      1: records look up the one view of a grid in the place of three
+// DIRECTIONS  1: records have the view and the light themselves
 // ENTRIES   entries of a work-item
 #include "encoding.cl"
 
@@ -28,6 +29,9 @@
 #endif
 #ifndef GRID
 #define GRID 0
+#endif
+#ifndef DIRECTIONS
+#define DIRECTIONS 0
 #endif
 #ifndef ENTRIES
 #define ENTRIES 64
@@ -69,6 +73,27 @@ __kernel void write_lookups(ulong count, __global const uint* restrict list,
   }
 }
 
+// Records of 4 texels, a view and a light.
+//
+//   views, lights: [points], [samples]: directions
+__attribute__((reqd_work_group_size(1, 1, 1)))
+__kernel void write_direction_lookups(ulong count, __global const uint* restrict list,
+                                      __global const uint* restrict point_of,
+                                      __global const uint* restrict taps,
+                                      __global const float4* restrict views,
+                                      __global const float4* restrict lights,
+                                      __global uint* restrict lookups) {
+  EACH(i, count) {
+    const ulong sample = list[i] >> 1;
+    const ulong point = point_of[sample];
+    __global const uint* texels = taps + (2 * point + (list[i] & 1)) * 8;
+    __global uint* record = lookups + 14 * i;
+    for (uint k = 0; k < 4; ++k) record[k] = texels[k], record[10 + k] = texels[4 + k];
+    vstore3(as_uint3(views[point].xyz), 0, record + 4);
+    vstore3(as_uint3(lights[sample].xyz), 0, record + 7);
+  }
+}
+
 // Records of 4 texels and 3 views of the mask.
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void write_mask_lookups(ulong count, __global const uint* restrict list,
@@ -106,14 +131,19 @@ __kernel void set_opacities(ulong count, __global const uint* restrict list,
   }
 }
 
-// light[entry] = share linear(value) factor irradiance, value: [count][CHANNELS].
+// light[entry] = share linear(value) factor irradiance, value: [count][CHANNELS]. What was looked up
+// in directions has the light's scale in it; there is none from below the horizon.
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void light_entries(ulong count, __global const uint* restrict list,
                             __global const uint* restrict point_of,
                             __global const float* restrict values,
                             __global const float* restrict share,
                             __global const float2* restrict masks,
+#if DIRECTIONS
+                            __global const float4* restrict lights,
+#else
                             __global const uint* restrict lights,
+#endif
                             __global const float4* restrict irradiance,
                             __global float4* restrict light) {
   EACH(i, count) {
@@ -129,7 +159,11 @@ __kernel void light_entries(ulong count, __global const uint* restrict list,
       const float whole = ENCODING ? fmin(value / mask, fmax(value, 1.0f)) : value / mask;
       linear_value[c] = value > 0.0f && mask > 0.0f ? opacity * to_linear(whole) : 0.0f;
     }
+#if DIRECTIONS
+    const float cosine = lights[sample].z, scale = cosine > 0.0f ? 1.0f : 0.0f;
+#else
     const float scale = as_float(lights[8 * sample + 6]), cosine = as_float(lights[8 * sample + 7]);
+#endif
     const float factor = share[slot] * (BRDF ? fmax(cosine, 0.0f) : scale);
     const float4 rgb = (float4)(linear_value[0], linear_value[CHANNELS == 3 ? 1 : 0],
                                 linear_value[CHANNELS == 3 ? 2 : 0], 0.0f);

@@ -41,14 +41,18 @@ typedef struct {
 #define BOOKS {n_phi, n_theta, n_alpha, n_beta, P4, c_P4, P3, c_P3, M, P2, c_P2, P1, I2, I1, C}
 
 // The weight of the low or the high node.
-inline float node_weight(__global const uint* place, uint level, uint high) {
+inline float node_weight(const uint* place, uint level, uint high) {
   const float fraction = as_float(place[4 + level]);
   return high ? fraction : 1.0f - fraction;
 }
 
+inline void load_place(__global const uint* from, uint* place) {
+  for (uint i = 0; i < PLACE_WORDS; ++i) place[i] = from[i];
+}
+
 // values: [1 + COLOURS] of entry j of P4
-inline void entry_values(const Books* books, uint j, __global const uint* view,
-                         __global const uint* light, float* values) {
+inline void entry_values(const Books* books, uint j, const uint* view, const uint* light,
+                         float* values) {
   for (uint i = 0; i <= COLOURS; ++i) values[i] = 0.0f;
   for (uint of_view = 0; of_view < 4; ++of_view) {
     const float view_weight =

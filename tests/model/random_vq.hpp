@@ -1,11 +1,14 @@
-// Random nested code-books.
+// Random nested code-books, and how exactly directions are placed between their nodes.
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
 #include "support/generators.hpp"
+#include "support/matchers.hpp"
 #include "weft/model/vq.hpp"
 
 namespace weft::test {
@@ -65,5 +68,27 @@ inline VqModel random_vq(const BtfShape& shape, const VqGrid& grid, const VqMode
 }
 
 inline constexpr VqModel::Sizes small_sizes{7, 5, 6, 4, 3, 9, 4, 3};
+
+// Steps that a place in float may be from that in double, all levels together, u = 2^-24. Square
+// roots and quotients are within 3 u, arc tangents within 12 u of what they are relative to, and
+// their arguments within 20 u: an angle is within 30 u of half a turn. Turned lights are within 30
+// u of their length: alpha moves by so much over the distance from the poles, cos beta.
+inline double place_error(const OnionSizes& n, const Direction& view, const Direction& light) {
+  const auto wide = [](const Direction& d) {
+    const double z = std::max(double{d[2]}, 0.0);
+    const double length = std::hypot(d[0], d[1], z);
+    return length > 0 ? std::array{d[0] / length, d[1] / length, z / length}
+                      : std::array{1.0, 0.0, 0.0};
+  };
+  const auto v = wide(view), l = wide(light);
+  const double sine = std::hypot(v[0], v[1]);
+  const double c = sine > 0 ? v[0] / sine : 1, s = sine > 0 ? v[1] / sine : 0;
+  const double cos_beta = std::hypot(c * l[0] + s * l[1], l[2]);
+  const auto steps = [](std::size_t size) { return static_cast<double>(size); };
+  // a light in a pole is there in float, too, where nothing is turned
+  const double of_alpha = cos_beta == 0 ? 0 : 1 / cos_beta + 1;
+  return 60 * float_roundoff *
+         (steps(n.phi) + steps(n.theta) + steps(n.beta) + of_alpha * steps(n.alpha));
+}
 
 }  // namespace weft::test

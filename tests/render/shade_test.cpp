@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "model/random_vq.hpp"
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
 #include "support/guarded_buffer.hpp"
@@ -166,6 +167,68 @@ TEST(Shade, ModelsWithAGridOfViews) {
     }
   }
   EXPECT_EQ(flat(shade(*device, large, job)), flat(found));
+}
+
+// Points seen large look up a model of all directions at the view and the light themselves, with
+// nothing between measured ones.
+TEST(Shade, SmallModelsOfAllDirections) {
+  const OnionSizes sizes{4, 3, 3, 4};
+  const bool simulated = is_simulator(shared_device());
+  auto random = std::make_shared<VqModel>(
+      random_vq({7, 8, 4, 4, 3}, {VqGrid::Kind::onion, sizes}, small_sizes, simulated ? 5U : 6U));
+  for (const Quantity quantity : {Quantity::radiance, Quantity::brdf}) {
+    random->info.btf.quantity = quantity;
+    const std::shared_ptr<const Model> model = random;
+    Job job;
+    const auto device = make_shader(&shared_device(), model, job);
+    const auto reference = make_shader(nullptr, model, job);
+    Batch batch = seen_large(random_batch(simulated ? 3 : 100, 1));
+    batch.lights.back().direction[2] *= -1;  // from below the horizon
+    std::vector<double> expected, tolerances, values(3);
+    for (std::size_t i = 0; i < batch.points.size(); ++i) {
+      const ShadingPoint& point = batch.points[i];
+      const LightSample& light = batch.lights[i];
+      const TexelTaps taps = texel_taps(point.uv, 4, 4);
+      std::array<double, 4> sum{0, 0, 0, 1};
+      const double cosine = std::max(double{light.direction[2]}, 0.0);
+      const double factor = quantity == Quantity::brdf ? cosine : cosine > 0 ? 1 : 0;
+      for (std::size_t t = 0; t < 4; ++t) {
+        model->fitted_texel_at(point.view, light.direction, taps.texel[t] / 4, taps.texel[t] % 4,
+                               values);
+        for (std::size_t c = 0; c < 3; ++c) {
+          sum[c] += double{taps.weight[t]} * values[c] * factor * double{light.irradiance[c]};
+        }
+      }
+      expected.insert(expected.end(), sum.begin(), sum.end());
+      tolerances.push_back(place_error(sizes, point.view, light.direction) +
+                           2 * find_codec("vq").decode_tolerance(*model) +
+                           gamma(20, float_roundoff));
+    }
+    EXPECT_TRUE(all_near(flat(shade(*reference, batch, job)), expected, 2 * float_roundoff));
+    EXPECT_TRUE(all_near(flat(shade(*device, batch, job)), expected,
+                         [&](std::size_t i) { return tolerances[i / 4]; }));
+  }
+}
+
+// Their coarser levels, which are taken of images, look between measured directions.
+TEST(Shade, LevelsOfModelsOfAllDirections) {
+  const OnionSizes sizes{8, 4, 5, 6};
+  const std::shared_ptr<const Model> model = std::make_shared<VqModel>(
+      random_vq({9, 11, 6, 7, 3}, {VqGrid::Kind::onion, sizes}, small_sizes, 2));
+  Job job;
+  const auto device = make_shader(&shared_device(), model, job);
+  const auto reference = make_shader(nullptr, model, job);
+  const Batch batch = random_batch(100, 2);
+  std::vector<double> tolerances;
+  for (std::size_t i = 0; i < batch.points.size(); ++i) {
+    double tolerance = 2 * 2 * sample_tolerance(DType::f32);
+    for (std::size_t s = 0; s < 2; ++s) {
+      tolerance += place_error(sizes, batch.points[i].view, batch.lights[2 * i + s].direction);
+    }
+    tolerances.push_back(tolerance);
+  }
+  EXPECT_TRUE(all_near(flat(shade(*device, batch, job)), flat(shade(*reference, batch, job)),
+                       [&](std::size_t i) { return tolerances[i / 4]; }));
 }
 
 TEST(Shade, DeviceAndReferenceAgreeOfRaw) {

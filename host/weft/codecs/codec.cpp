@@ -162,10 +162,18 @@ std::unique_ptr<ReferenceSampler> Codec::reference_sampler(const Model& model) c
 }
 
 std::unique_ptr<LightSampler> Codec::light_sampler(Device* device, const Model& model) const {
-  if (!as_part(model)) {
-    if (auto own = fitted_light_sampler(device, model)) return own;
-  }
-  if (device) return slice_light_sampler(*device, model.info.btf, sampler(*device, model));
+  if (auto direct = direct_light_sampler(device, model)) return direct;
+  return slice_light_sampler(device, model);
+}
+
+std::unique_ptr<LightSampler> Codec::direct_light_sampler(Device* device,
+                                                          const Model& model) const {
+  if (as_part(model)) return nullptr;
+  return fitted_light_sampler(device, model);
+}
+
+std::unique_ptr<LightSampler> Codec::slice_light_sampler(Device* device, const Model& model) const {
+  if (device) return weft::slice_light_sampler(*device, model.info.btf, sampler(*device, model));
   return reference::slice_light_sampler(model.info.btf, reference_sampler(model));
 }
 

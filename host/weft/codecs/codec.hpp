@@ -59,7 +59,7 @@ class DeviceSampler {
   virtual ~DeviceSampler() = default;
   // Enqueues `count` look-ups (see weft/btf/lookup.hpp) from the records in `lookups`, which are
   // valid, into `out`, [count][C]; need not wait. A look-up's bits depend on nothing but its
-  // record.
+  // record. Directions in the place of indices are for models that take them.
   virtual void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
                        Buffer& out) = 0;
   // Flops of one look-up, about.
@@ -126,6 +126,9 @@ class Codec {
   // device or by the reference if it is null; device and model must outlive it. From the codec's
   // own tables, or by looking slices up and inverting them.
   std::unique_ptr<LightSampler> light_sampler(Device* device, const Model& model) const;
+  // From the codec's own tables alone, null where they can't be drawn from; and by slices alone.
+  std::unique_ptr<LightSampler> direct_light_sampler(Device* device, const Model& model) const;
+  std::unique_ptr<LightSampler> slice_light_sampler(Device* device, const Model& model) const;
 
   // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
   // is exact in the model itself, as it needs a linear encoding and colour transform; else null:

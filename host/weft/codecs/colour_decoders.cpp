@@ -59,12 +59,16 @@ class InvertingSampler final : public DeviceSampler {
   ops::InverseColour inverse_;
 };
 
-constexpr LookupShape one_tap{1, 1, 1};
+// Of what look-ups of that shape look at.
+constexpr LookupShape one_tap(const LookupShape& lookup) {
+  return {1, 1, 1, lookup.directions};
+}
+constexpr std::size_t tap_words = LookupShape{1, 1, 1, true}.words();  // at most
 constexpr std::size_t tap_bytes = std::size_t{1} << 22;  // of taps and their values at a time
 
 // Taps that are looked up at a time: those of one look-up at least.
 std::size_t tap_room(std::size_t channels) {
-  const std::size_t each = one_tap.words() * sizeof(std::uint32_t) + channels * sizeof(float);
+  const std::size_t each = tap_words * sizeof(std::uint32_t) + channels * sizeof(float);
   return std::max(tap_bytes / each, ops::taps_of({4, 3, 3}));
 }
 
@@ -77,7 +81,7 @@ class TapSampler final : public DeviceSampler {
         channels_(model.info.btf.shape.channels),
         inverse_(device, model.info.colour_transform, channels_),
         room_(tap_room(channels_)),
-        taps_(device, room_ * one_tap.words() * sizeof(std::uint32_t), "taps of look-ups"),
+        taps_(device, room_ * tap_words * sizeof(std::uint32_t), "taps of look-ups"),
         values_(device, room_ * channels_ * sizeof(float), "values of taps") {}
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
@@ -92,20 +96,19 @@ class TapSampler final : public DeviceSampler {
     for (std::size_t first = 0; first < count; first += run) {
       const std::size_t n = std::min(run, count - first);
       ops::expand_taps(device_, lookup, first, n, lookups, taps_);
-      fitted_->look_up(one_tap, n * taps, taps_, values_);
+      fitted_->look_up(one_tap(lookup), n * taps, taps_, values_);
       inverse_.invert(device_, n * taps, values_);
       ops::sum_taps(device_, lookup, channels_, first, n, lookups, values_, out);
     }
   }
   double lookup_flops(const LookupShape& lookup) const override {
     return static_cast<double>(ops::taps_of(lookup)) *
-           (fitted_->lookup_flops(one_tap) + inverse_.texel_flops() +
+           (fitted_->lookup_flops(one_tap(lookup)) + inverse_.texel_flops() +
             2 * static_cast<double>(channels_));
   }
 
   static std::size_t bytes(std::size_t channels) {
-    return tap_room(channels) *
-           (one_tap.words() * sizeof(std::uint32_t) + channels * sizeof(float));
+    return tap_room(channels) * (tap_words * sizeof(std::uint32_t) + channels * sizeof(float));
   }
 
  private:
@@ -165,7 +168,7 @@ class TapReferenceSampler final : public ReferenceSampler {
       const std::size_t n = std::min(run, count - first);
       const auto records = lookups.subspan(first * words, n * words);
       values.resize(n * ops::taps_of(lookup) * channels);
-      fitted_->look_up(one_tap, reference::expand_taps(lookup, records), values);
+      fitted_->look_up(one_tap(lookup), reference::expand_taps(lookup, records), values);
       model_.info.colour_transform.invert_all(channels, values);
       reference::sum_taps(lookup, records, channels, values,
                           out.subspan(first * channels, n * channels));

@@ -39,11 +39,12 @@ class VqDeviceDecoder final : public DeviceDecoder {
 
 class VqDeviceSampler final : public DeviceSampler {
  public:
-  VqDeviceSampler(Device& device, const VqModel& model) : device_(device), tables_(device, model) {}
+  VqDeviceSampler(Device& device, const VqModel& model)
+      : device_(device), tables_(device, model), takes_directions_(model.takes_directions()) {}
 
   void look_up(const LookupShape& lookup, std::size_t count, const Buffer& lookups,
                Buffer& out) override {
-    validate(lookup, tables_.shape);
+    validate(lookup, tables_.shape, takes_directions_);
     ops::look_up_vq(device_, {lookup, tables_.shape, count, lookups, out}, tables_);
   }
 
@@ -56,6 +57,7 @@ class VqDeviceSampler final : public DeviceSampler {
  private:
   Device& device_;
   ops::VqTables tables_;
+  bool takes_directions_;
 };
 
 class VqReferenceDecoder final : public ReferenceDecoder {

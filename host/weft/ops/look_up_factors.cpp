@@ -24,8 +24,10 @@ void launch_lookups(Device& device, cl_kernel kernel, const LookupBatch& batch) 
 }  // namespace
 
 std::string lookup_options(const Device& device, const LookupShape& lookup, std::size_t channels) {
-  return fmt::format("-DTEXELS={} -DVIEWS={} -DLIGHTS={} -DCHANNELS={} -DLOOKUPS={}", lookup.texels,
-                     lookup.views, lookup.lights, channels, lookup_block(device));
+  return fmt::format(
+      "-DTEXELS={} -DVIEWS={} -DLIGHTS={} -DDIRECTIONS={} -DCHANNELS={} -DLOOKUPS={}",
+      lookup.texels, lookup.views, lookup.lights, lookup.directions ? 1 : 0, channels,
+      lookup_block(device));
 }
 
 std::size_t lookup_block(const Device& device) {

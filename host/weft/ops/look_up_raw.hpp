@@ -20,7 +20,7 @@ constexpr std::size_t taps_of(const LookupShape& lookup) {
 }
 
 // Records [first, first + count) of `lookups` as records of one tap each, [count][views][lights]
-// [texels][3], at the front of `taps`.
+// [texels][words], at the front of `taps`.
 void expand_taps(Device& device, const LookupShape& lookup, std::size_t first, std::size_t count,
                  const Buffer& lookups, Buffer& taps);
 

@@ -22,8 +22,10 @@ Buffer table(Device& device, const std::vector<T>& values, const char* what) {
   return buffer;
 }
 
-cl_kernel shade_kernel(Device& device, const char* name, const BtfInfo* info = nullptr) {
+cl_kernel shade_kernel(Device& device, const char* name, const BtfInfo* info = nullptr,
+                       ShadeLookups kind = ShadeLookups::measured) {
   std::string options = fmt::format("-DENTRIES={}", block(device));
+  if (kind == ShadeLookups::directions) options += " -DDIRECTIONS=1";
   if (info) {
     options +=
         fmt::format(" -DENCODING={} -DCHANNELS={} -DBRDF={}", static_cast<int>(info->encoding),
@@ -67,8 +69,27 @@ void DeviceHemisphere::weigh(Device& device, std::size_t count, const Buffer& di
   launch_entries(device, kernel, count);
 }
 
+LookupShape lookup_shape(ShadeLookups lookups) {
+  switch (lookups) {
+    case ShadeLookups::grid:
+      return {4, 1, 3};
+    case ShadeLookups::directions:
+      return {4, 1, 1, true};
+    default:
+      return {4, 3, 3};
+  }
+}
+
 void write_lookups(Device& device, std::size_t count, const Buffer& list, const ShadeTables& tables,
-                   bool of_grid, Buffer& lookups) {
+                   ShadeLookups kind, Buffer& lookups) {
+  if (kind == ShadeLookups::directions) {
+    const cl_kernel kernel = shade_kernel(device, "write_direction_lookups");
+    set_arguments(kernel, ulong(count), list, tables.point_of, tables.taps, tables.view_directions,
+                  tables.light_directions, lookups);
+    launch_entries(device, kernel, count);
+    return;
+  }
+  const bool of_grid = kind == ShadeLookups::grid;
   const cl_kernel kernel = device.kernel(
       kernel_sources::shade_points,
       fmt::format("-DENTRIES={} -DGRID={}", block(device), of_grid ? 1 : 0), "write_lookups");
@@ -101,11 +122,12 @@ void set_opacities(Device& device, std::size_t count, const Buffer& list, const 
   launch_entries(device, kernel, count);
 }
 
-void light_entries(Device& device, const BtfInfo& info, std::size_t count, const Buffer& list,
-                   const Buffer& values, ShadeTables& tables) {
-  const cl_kernel kernel = shade_kernel(device, "light_entries", &info);
+void light_entries(Device& device, const BtfInfo& info, ShadeLookups kind, std::size_t count,
+                   const Buffer& list, const Buffer& values, ShadeTables& tables) {
+  const cl_kernel kernel = shade_kernel(device, "light_entries", &info, kind);
   set_arguments(kernel, ulong(count), list, tables.point_of, values, tables.share, tables.masks,
-                tables.lights, tables.irradiance, tables.light);
+                kind == ShadeLookups::directions ? tables.light_directions : tables.lights,
+                tables.irradiance, tables.light);
   launch_entries(device, kernel, count);
 }
 

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 #include "weft/btf/btf.hpp"
 #include "weft/btf/hemisphere.hpp"
+#include "weft/btf/lookup.hpp"
 #include "weft/device/device.hpp"
 #include "weft/model/occlusion.hpp"
 
@@ -33,8 +35,9 @@ inline constexpr std::size_t texel_tap_words = 8;
 
 // Points and the light samples that reach them, as shade_points.cl lays them out.
 struct ShadeTables {
-  Buffer taps;        // [points][2][8] words
-  Buffer share;       // [points][2] floats
+  Buffer taps;                               // [points][2][8] words
+  Buffer view_directions, light_directions;  // [points][4], [samples][4] floats
+  Buffer share;                              // [points][2] floats
   Buffer masks;       // [points][2] pairs of floats, m and the opacity: 1 where there is no mask
   Buffer views;       // [points][8] words
   Buffer grid_views;  // [points] uint, where a level has a grid of views
@@ -45,10 +48,14 @@ struct ShadeTables {
   Buffer light;       // [samples][2][4] floats
 };
 
-// Records of LookupShape{4, 3, 3} for `count` entries of `list`, or of {4, 1, 3} in the views of a
-// grid; and of {4, 3, 1} of the mask.
+// Which look-ups a level is shaded by: between measured directions; in the views of a grid; or of
+// directions themselves.
+enum class ShadeLookups : std::uint8_t { measured, grid, directions };
+LookupShape lookup_shape(ShadeLookups lookups);
+
+// Records for `count` entries of `list`; and those of LookupShape{4, 3, 1} of the mask.
 void write_lookups(Device& device, std::size_t count, const Buffer& list, const ShadeTables& tables,
-                   bool of_grid, Buffer& lookups);
+                   ShadeLookups kind, Buffer& lookups);
 void write_mask_lookups(Device& device, std::size_t count, const Buffer& list,
                         const ShadeTables& tables, Buffer& lookups);
 // Takes the values that were looked up, of the mask, or of a material that `info` describes.
@@ -57,8 +64,8 @@ void set_masks(Device& device, std::size_t count, const Buffer& list, const Buff
 // Of pairs of values: m and the opacity, or, with a mapping, m and what it maps.
 void set_opacities(Device& device, std::size_t count, const Buffer& list, const Buffer& values,
                    const VisibilityMapping* mapping, ShadeTables& tables);
-void light_entries(Device& device, const BtfInfo& info, std::size_t count, const Buffer& list,
-                   const Buffer& values, ShadeTables& tables);
+void light_entries(Device& device, const BtfInfo& info, ShadeLookups kind, std::size_t count,
+                   const Buffer& list, const Buffer& values, ShadeTables& tables);
 // radiance: [points][4] floats
 void sum_points(Device& device, std::size_t points, const ShadeTables& tables, Buffer& radiance);
 

@@ -36,9 +36,10 @@ constexpr std::size_t streaming_batch = std::size_t{1} << 24;
 struct DeviceMaterial {
   BtfInfo info;  // without its mask
   Samplers levels;
-  std::size_t grid_side = 0;    // of the models' grid of views, or 0
-  std::size_t grid_levels = 0;  // that look up in it: those of models
-  Samplers mask_levels;         // empty without a mask
+  std::size_t grid_side = 0;   // of the models' grid of views, or 0
+  std::size_t own_levels = 0;  // that are looked up as `own_lookups`: those of models
+  ops::ShadeLookups own_lookups = ops::ShadeLookups::measured;
+  Samplers mask_levels;  // empty without a mask
   std::optional<VisibilityMapping> mapping;
   std::shared_ptr<const Model> model;
   std::size_t batch = resident_batch;
@@ -198,8 +199,22 @@ class DeviceShader final : public Shader {
     }
     reserve(device_, tables_.light, host.point_of.size() * 2 * sizeof(PointRadiance),
             "reflected light");
-    weigh(views_, host.views, view_directions_, tables_.views);
-    weigh(lights_, host.lights, light_directions_, tables_.lights);
+    write(tables_.view_directions, std::span<const Float4>(host.views), "views");
+    write(tables_.light_directions, std::span<const Float4>(host.lights), "lights");
+    // where all is looked up by directions themselves, nothing is between measured ones
+    bool measured = false;
+    for (std::size_t level = 0; level < sample_entries.size(); ++level) {
+      const bool of_directions = lookups_of(level) == ops::ShadeLookups::directions;
+      measured = measured || (!of_directions && !sample_entries[level].empty());
+    }
+    if (measured || !material_.mask_levels.empty()) {
+      weigh(views_, host.views.size(), tables_.view_directions, tables_.views);
+    }
+    if (measured) weigh(lights_, host.lights.size(), tables_.light_directions, tables_.lights);
+  }
+
+  ops::ShadeLookups lookups_of(std::size_t level) const {
+    return level < material_.own_levels ? material_.own_lookups : ops::ShadeLookups::measured;
   }
 
   template <typename T>
@@ -208,13 +223,11 @@ class DeviceShader final : public Shader {
     device_.write(buffer, values);
   }
 
-  void weigh(const ops::DeviceHemisphere& hemisphere, const std::vector<Float4>& directions,
-             Buffer& uploaded, Buffer& out) {
-    const std::size_t count = directions.size();
-    write(uploaded, std::span<const Float4>(directions), "directions");
+  void weigh(const ops::DeviceHemisphere& hemisphere, std::size_t count, const Buffer& directions,
+             Buffer& out) {
     reserve(device_, out, count * ops::direction_words * sizeof(std::uint32_t),
             "weights of directions");
-    hemisphere.weigh(device_, count, uploaded, out);
+    hemisphere.weigh(device_, count, directions, out);
   }
 
   void look_up_masks(std::size_t level, const std::vector<std::uint32_t>& entries, Job& job) {
@@ -239,8 +252,8 @@ class DeviceShader final : public Shader {
 
   void light_level(std::size_t level, const std::vector<std::uint32_t>& entries, Job& job) {
     if (entries.empty()) return;
-    const bool of_grid = level < material_.grid_levels;
-    const LookupShape lookup{4, of_grid ? std::size_t{1} : 3, 3};
+    const ops::ShadeLookups kind = lookups_of(level);
+    const LookupShape lookup = ops::lookup_shape(kind);
     const std::size_t count = entries.size();
     {
       const StageTimer timer(job, "shading");
@@ -248,7 +261,7 @@ class DeviceShader final : public Shader {
       reserve(device_, lookups_, count * lookup.words() * sizeof(std::uint32_t), "look-ups");
       reserve(device_, values_, count * material_.info.shape.channels * sizeof(float),
               "values looked up");
-      ops::write_lookups(device_, count, list_, tables_, of_grid, lookups_);
+      ops::write_lookups(device_, count, list_, tables_, kind, lookups_);
       device_.finish();
     }
     {
@@ -259,7 +272,7 @@ class DeviceShader final : public Shader {
       device_.finish();
     }
     const StageTimer timer(job, "shading");
-    ops::light_entries(device_, material_.info, count, list_, values_, tables_);
+    ops::light_entries(device_, material_.info, kind, count, list_, values_, tables_);
     device_.finish();
   }
 
@@ -270,7 +283,7 @@ class DeviceShader final : public Shader {
   ops::ShadeTables tables_;
   HostTables host_;
   Entries point_entries_, sample_entries_;
-  Buffer view_directions_, light_directions_, list_, lookups_, values_, radiance_;
+  Buffer list_, lookups_, values_, radiance_;
 };
 
 // What is common to raw materials and models: `plan` holds what the finest levels take.
@@ -309,7 +322,11 @@ class MaterialMaker {
     plan_.add("model on the device", bytes);
     for (const auto& one : models) pending_.push_back(one);
     material_.grid_side = material_.model->view_grid();
-    material_.grid_levels = material_.grid_side > 0 ? pending_.size() : 0;
+    material_.own_levels = pending_.size();
+    if (material_.grid_side > 0) material_.own_lookups = ops::ShadeLookups::grid;
+    if (material_.model->takes_directions()) {
+      material_.own_lookups = ops::ShadeLookups::directions;
+    }
   }
 
   std::unique_ptr<Shader> finish(const std::shared_ptr<ImageStream>& images) {

@@ -60,12 +60,11 @@ Samplers mask_samplers(const BtfInfo& info, const Opacity* opacity) {
 }
 
 std::unique_ptr<Shader> reference_shader(const BtfInfo& info, Samplers samplers,
-                                         const Opacity* opacity,
-                                         reference::LevelsOfGrid grid = {}) {
+                                         const Opacity* opacity, reference::OwnLevels own = {}) {
   std::optional<VisibilityMapping> mapping;
   if (opacity) mapping = opacity->mapping;
   return reference::make_shader(info, std::move(samplers), mask_samplers(info, opacity), mapping,
-                                grid);
+                                own);
 }
 
 }  // namespace
@@ -97,7 +96,7 @@ std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model>
   if (device) return make_device_shader(*device, std::move(model), info, used, job);
   const Codec& codec = find_codec(model->info.codec);
   const std::size_t levels = mip_levels(info.shape);
-  const std::size_t grid_side = model->view_grid();
+  reference::OwnLevels own{0, model->view_grid(), model->takes_directions()};
   Samplers samplers;
   samplers.push_back(sampler_of(model));
   while (samplers.size() < levels) {
@@ -106,13 +105,12 @@ std::unique_ptr<Shader> make_shader(Device* device, std::shared_ptr<const Model>
     model = std::move(next);
     samplers.push_back(sampler_of(model));
   }
-  reference::LevelsOfGrid grid;
-  if (grid_side > 0) grid = {grid_side, samplers.size()};
+  own.count = samplers.size();
   if (samplers.size() < levels) {
     // the codec has no levels of its own: those of its images
     add_levels(next_mip_level(decoded_source(nullptr, std::move(model))), levels, samplers);
   }
-  return reference_shader(info, std::move(samplers), used, grid);
+  return reference_shader(info, std::move(samplers), used, own);
 }
 
 }  // namespace weft

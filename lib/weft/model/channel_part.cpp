@@ -22,4 +22,12 @@ void ChannelPart::fitted_texel(std::size_t view, std::size_t light, std::size_t 
   for (std::size_t k = 0; k < channels_.size(); ++k) out[k] = all[channels_[k]];
 }
 
+void ChannelPart::fitted_texel_at(const Direction& view, const Direction& light, std::size_t y,
+                                  std::size_t x, std::span<double> out) const {
+  std::vector<double> all(whole_->info.btf.shape.channels);
+  whole_->fitted_texel_at(view, light, y, x, all);
+  whole_->info.colour_transform.invert(all);
+  for (std::size_t k = 0; k < channels_.size(); ++k) out[k] = all[channels_[k]];
+}
+
 }  // namespace weft

@@ -25,9 +25,12 @@ class ChannelPart final : public Model {
   std::vector<std::span<float>> real_values() override { return {}; }
   void divide(const Weights&) override {}
   std::size_t view_grid() const override { return whole_->view_grid(); }
+  bool takes_directions() const override { return whole_->takes_directions(); }
   // The transform is inverted here: info.colour_transform is none.
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
+  void fitted_texel_at(const Direction& view, const Direction& light, std::size_t y, std::size_t x,
+                       std::span<double> out) const override;
 
  private:
   std::shared_ptr<const Model> whole_;

@@ -13,6 +13,7 @@
 
 #include "weft/btf/btf.hpp"
 #include "weft/btf/colour_transform.hpp"
+#include "weft/error.hpp"
 #include "weft/metrics/error_sums.hpp"
 #include "weft/tensor/dtype.hpp"
 
@@ -92,6 +93,10 @@ class Model {
   // look-ups may ask for view V + e, the value at its entry e.
   virtual std::size_t view_grid() const { return 0; }
 
+  // Whether it is a function of all directions of the hemisphere: look-ups may then be of any view
+  // and light (LookupShape::directions), with nothing interpolated between measured ones.
+  virtual bool takes_directions() const { return false; }
+
   // The C values of one texel for one view and light, in double. In the stored encoding, scaled as
   // the raw data (8-bit data: [0, 1]), not clamped. Indices are within info.btf.shape.
   void decode_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
@@ -104,6 +109,12 @@ class Model {
   // info.colour_transform is still to be inverted.
   virtual void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                             std::span<double> out) const = 0;
+  // The same for any view and light, vectors of any length; of a model that takes directions.
+  virtual void fitted_texel_at(const Direction& view, const Direction& light, std::size_t y,
+                               std::size_t x, std::span<double> out) const {
+    (void)view, (void)light, (void)y, (void)x, (void)out;
+    fail_runtime("values of directions that were not measured, of a model without them");
+  }
 };
 
 }  // namespace weft

@@ -78,16 +78,19 @@ PackedIndices read_indices(const ModelFile& file, const std::string& name, std::
 
 }  // namespace
 
+VqPlace vq_place(const OnionSizes& sizes, const Direction& view, const Direction& light) {
+  const OnionSlices slices(sizes);
+  const OnionPosition at = slices.at(wide(view), wide(light));
+  return {slices.phi_step(at.phi), slices.theta_step(at.theta), slices.alpha_step(at.alpha),
+          slices.beta_step(at.beta)};
+}
+
 VqPlace vq_place(const VqGrid& grid, const BtfInfo& btf, std::size_t view, std::size_t light) {
   if (grid.kind == VqGrid::Kind::measured) {
     return {OnionStep{view, view, 0}, OnionStep{}, OnionStep{}, OnionStep{light, light, 0}};
   }
-  const OnionSlices slices(grid.sizes);
   const std::size_t of = btf.layout == Layout::paired ? view : light;
-  const OnionPosition at =
-      slices.at(wide(btf.view_directions[view]), wide(btf.light_directions[of]));
-  return {slices.phi_step(at.phi), slices.theta_step(at.theta), slices.alpha_step(at.alpha),
-          slices.beta_step(at.beta)};
+  return vq_place(grid.sizes, btf.view_directions[view], btf.light_directions[of]);
 }
 
 std::vector<ModelTensor> VqModel::tensors() const {
@@ -163,9 +166,17 @@ void VqModel::entry_values(std::size_t j, const VqPlace& place, std::span<double
 
 void VqModel::fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                            std::span<double> out) const {
-  const std::size_t p = y * info.btf.shape.width + x;
+  texel_values(y * info.btf.shape.width + x, vq_place(grid, info.btf, view, light), out);
+}
+
+void VqModel::fitted_texel_at(const Direction& view, const Direction& light, std::size_t y,
+                              std::size_t x, std::span<double> out) const {
+  texel_values(y * info.btf.shape.width + x, vq_place(grid.sizes, view, light), out);
+}
+
+void VqModel::texel_values(std::size_t p, const VqPlace& place, std::span<double> out) const {
   std::vector<double> values(1 + chromaticities);
-  entry_values(p6.entries[p], vq_place(grid, info.btf, view, light), values);
+  entry_values(p6.entries[p], place, values);
   values[0] *= double{p6.scales[p]};
   for (std::size_t i = 0; i < channels.size(); ++i) out[i] = values[channels[i]];
 }

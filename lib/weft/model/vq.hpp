@@ -54,6 +54,8 @@ struct VqGrid {
 // Where a pair of directions lies: between two nodes of each of phi, theta, alpha and beta.
 using VqPlace = std::array<OnionStep, 4>;
 
+// The place of any view and light, vectors of any length above 0, in onion slices.
+VqPlace vq_place(const OnionSizes& sizes, const Direction& view, const Direction& light);
 // The place of view v and light l of a BTF.
 VqPlace vq_place(const VqGrid& grid, const BtfInfo& btf, std::size_t view, std::size_t light);
 
@@ -89,6 +91,10 @@ struct VqModel final : Model {
   void divide(const Weights& factors) override;
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
+  // Onion slices are of all directions.
+  bool takes_directions() const override { return grid.kind == VqGrid::Kind::onion; }
+  void fitted_texel_at(const Direction& view, const Direction& light, std::size_t y, std::size_t x,
+                       std::span<double> out) const override;
 
   // Luminance of entry `j` of P4 at a place, before c_P6, and its chromaticities: 1 +
   // chromaticities values.
@@ -106,6 +112,9 @@ struct VqModel final : Model {
   void seal();
 
  private:
+  // The channels of texel p at a place.
+  void texel_values(std::size_t p, const VqPlace& place, std::span<double> out) const;
+
   std::vector<std::byte> layout_;  // U32
 };
 

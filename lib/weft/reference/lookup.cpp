@@ -25,9 +25,13 @@ class TexelSampler final : public ReferenceSampler {
           for (std::size_t t = 0; t < lookup.texels; ++t) {
             const double weight = taps.texel_weight(t) * taps.view_weight(a) * taps.light_weight(b);
             if (weight == 0) continue;
-            const std::size_t p = taps.texels[t];
-            model_.fitted_texel(taps.views[a], taps.lights[b], p / shape.width, p % shape.width,
-                                texel);
+            const std::size_t y = taps.texels[t] / shape.width;
+            const std::size_t x = taps.texels[t] % shape.width;
+            if (lookup.directions) {
+              model_.fitted_texel_at(taps.view(), taps.light(), y, x, texel);
+            } else {
+              model_.fitted_texel(taps.views[a], taps.lights[b], y, x, texel);
+            }
             for (std::size_t c = 0; c < shape.channels; ++c) {
               out[i * shape.channels + c] += weight * texel[c];
             }
@@ -114,6 +118,14 @@ std::vector<std::uint32_t> expand_taps(const LookupShape& lookup,
   std::vector<std::uint32_t> records;
   for (std::size_t i = 0; i * lookup.words() < lookups.size(); ++i) {
     const Lookup taps(lookup, lookups.subspan(i * lookup.words(), lookup.words()));
+    if (lookup.directions) {
+      for (const std::uint32_t texel : taps.texels) {
+        records.push_back(texel);
+        records.insert(records.end(), taps.views.begin(), taps.views.end());
+        records.insert(records.end(), taps.lights.begin(), taps.lights.end());
+      }
+      continue;
+    }
     for (const std::uint32_t view : taps.views) {
       for (const std::uint32_t light : taps.lights) {
         for (const std::uint32_t texel : taps.texels) {

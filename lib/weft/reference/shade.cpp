@@ -27,9 +27,9 @@ void append(std::vector<std::uint32_t>& words, std::span<const std::uint32_t> in
 }
 
 template <typename T, std::size_t N>
-void append_weights(std::vector<std::uint32_t>& words, const std::array<T, N>& weights) {
-  for (const T weight : weights) {
-    words.push_back(std::bit_cast<std::uint32_t>(static_cast<float>(weight)));
+void append_floats(std::vector<std::uint32_t>& words, const std::array<T, N>& values) {
+  for (const T value : values) {
+    words.push_back(std::bit_cast<std::uint32_t>(static_cast<float>(value)));
   }
 }
 
@@ -37,14 +37,14 @@ class ReferenceShader final : public Shader {
  public:
   ReferenceShader(const BtfInfo& info, std::vector<std::unique_ptr<ReferenceSampler>> levels,
                   std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
-                  std::optional<VisibilityMapping> mapping, LevelsOfGrid grid)
+                  std::optional<VisibilityMapping> mapping, OwnLevels own)
       : info_(info),
         levels_(std::move(levels)),
         mask_levels_(std::move(mask_levels)),
         mapping_(mapping),
         views_(info.view_directions),
         lights_(info.light_directions),
-        grid_(grid) {
+        own_(own) {
     info_.mask.clear();
   }
 
@@ -138,8 +138,8 @@ class ReferenceShader final : public Shader {
       append(records, entry.taps.texel);
       append(records, views[entry.point].index);
       records.push_back(0);
-      append_weights(records, entry.taps.weight);
-      append_weights(records, views[entry.point].weight);
+      append_floats(records, entry.taps.weight);
+      append_floats(records, views[entry.point].weight);
     }
     const std::size_t channels = mapping_ ? 2 : 1;
     std::vector<double> values(channels * entries.size());
@@ -156,8 +156,12 @@ class ReferenceShader final : public Shader {
                  const std::vector<DirectionWeights>& views, const std::vector<Entry>& entries,
                  const std::vector<Light>& lights, std::vector<std::array<double, 4>>& sums,
                  Job& job) {
-    const bool of_grid = level < grid_.levels;
-    const LookupShape lookup{4, of_grid ? std::size_t{1} : 3, 3};
+    const bool own = level < own_.count;
+    const bool of_directions = own && own_.directions;
+    const bool of_grid = own && !of_directions && own_.grid_side > 0;
+    const bool measured = !of_directions && !of_grid;
+    const LookupShape lookup = of_directions ? LookupShape{4, 1, 1, true}
+                                             : LookupShape{4, of_grid ? std::size_t{1} : 3, 3};
     std::vector<const Entry*> entry_of(views.size(), nullptr);
     for (const Entry& entry : entries) {
       entry_of[entry.point] = &entry;
@@ -170,16 +174,23 @@ class ReferenceShader final : public Shader {
       if (!entry) continue;
       looked_up.push_back(&light);
       append(records, entry->taps.texel);
+      if (of_directions) {
+        append_floats(records, points[light.point].view);
+        append_floats(records, light.sample->direction);
+        append_floats(records, entry->taps.weight);
+        continue;
+      }
       if (of_grid) {
-        const std::size_t view = ViewGrid(grid_.side).entry(to_double(points[light.point].view));
+        const std::size_t view =
+            ViewGrid(own_.grid_side).entry(to_double(points[light.point].view));
         records.push_back(static_cast<std::uint32_t>(info_.shape.views + view));
       } else {
         append(records, views[light.point].index);
       }
       append(records, light.weights.index);
-      append_weights(records, entry->taps.weight);
-      if (!of_grid) append_weights(records, views[light.point].weight);
-      append_weights(records, light.weights.weight);
+      append_floats(records, entry->taps.weight);
+      if (measured) append_floats(records, views[light.point].weight);
+      append_floats(records, light.weights.weight);
     }
     const std::size_t channels = info_.shape.channels;
     std::vector<double> values(looked_up.size() * channels);
@@ -191,9 +202,10 @@ class ReferenceShader final : public Shader {
     for (std::size_t n = 0; n < looked_up.size(); ++n) {
       const Light& light = *looked_up[n];
       const Entry& entry = *entry_of[light.point];
-      const double factor = info_.quantity == Quantity::brdf
-                                ? std::max(static_cast<double>(light.sample->direction[2]), 0.0)
-                                : light.weights.scale;
+      const double cosine = std::max(double{light.sample->direction[2]}, 0.0);
+      // what was looked up in directions has the light's scale in it
+      const double scale = of_directions ? (cosine > 0 ? 1.0 : 0.0) : light.weights.scale;
+      const double factor = info_.quantity == Quantity::brdf ? cosine : scale;
       for (std::size_t c = 0; c < 3; ++c) {
         const double value = values[n * channels + (channels == 3 ? c : 0)];
         sums[light.point][c] += entry.weight * factor * linear(value, entry) *
@@ -218,7 +230,7 @@ class ReferenceShader final : public Shader {
   std::optional<VisibilityMapping> mapping_;
   Hemisphere views_;
   Hemisphere lights_;
-  LevelsOfGrid grid_;
+  OwnLevels own_;
 };
 
 }  // namespace
@@ -226,10 +238,10 @@ class ReferenceShader final : public Shader {
 std::unique_ptr<Shader> make_shader(const BtfInfo& info,
                                     std::vector<std::unique_ptr<ReferenceSampler>> levels,
                                     std::vector<std::unique_ptr<ReferenceSampler>> mask_levels,
-                                    std::optional<VisibilityMapping> mapping, LevelsOfGrid grid) {
+                                    std::optional<VisibilityMapping> mapping, OwnLevels own) {
   validate_material(info);
   return std::make_unique<ReferenceShader>(info, std::move(levels), std::move(mask_levels), mapping,
-                                           grid);
+                                           own);
 }
 
 }  // namespace weft::reference

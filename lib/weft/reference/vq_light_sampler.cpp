@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
+#include <span>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -15,9 +17,11 @@
 namespace weft::reference {
 namespace {
 
-using Vector = OnionSlices::Vector;
-
 constexpr double defensive_share = 0.1, defensive_floor = 0.1;
+// Queries that are worth a thread of their own.
+constexpr std::size_t least_share = 2048;
+// Rows of tables are padded to whole vectors of this many floats.
+constexpr std::size_t lanes = 4;
 
 // A coordinate in steps of the grid: the node below, and the part of the step.
 struct Place {
@@ -27,71 +31,86 @@ struct Place {
   double steps() const { return static_cast<double>(below) + part; }
 };
 
-// Where the integral of what is linear between value(0), .. value(count - 1)
-// comes to a share of it. cumulative(i) is that up to node i, with steps of 1.
-template <typename Value, typename Cumulative>
-Place invert(std::size_t count, const Value& value, const Cumulative& cumulative, double share) {
-  const double target = share * cumulative(count - 1);
-  std::size_t low = 0, high = count - 1;
-  while (high - low > 1) {
-    const std::size_t middle = (low + high) / 2;
-    (cumulative(middle) <= target ? low : high) = middle;
-  }
-  // a x + (b - a) x^2 / 2 = area, the root that has no cancellation
-  const double a = value(low), b = value(low + 1);
-  const double area = std::max(target - cumulative(low), 0.0);
-  const double root = std::sqrt(std::max(0.0, a * a + 2 * (b - a) * area));
-  return {low, area > 0 ? std::min(2 * area / (a + root), 1.0) : 0};
-}
-
 Place place_of(double steps, std::size_t count) {
   const auto below = std::min(static_cast<std::size_t>(std::max(steps, 0.0)), count - 2);
   return {below, std::clamp(steps - static_cast<double>(below), 0.0, 1.0)};
 }
 
-Vector to_double(const std::array<float, 3>& v) {
-  return {double{v[0]}, double{v[1]}, double{v[2]}};
+// Rows of a table with a factor each.
+struct Row {
+  std::size_t first = 0;
+  float factor = 0;
+};
+template <std::size_t N>
+struct RowSum {
+  std::array<Row, N> rows{};
+  std::size_t count = 0;
+
+  void add(std::size_t first, float factor) {
+    if (factor > 0) rows[count++] = {first, factor};
+  }
+  // At one column.
+  double at(const std::vector<float>& table, std::size_t column) const {
+    float sum = 0;
+    for (std::size_t r = 0; r < count; ++r) {
+      sum += rows[r].factor * table[rows[r].first + column];
+    }
+    return static_cast<double>(sum);
+  }
+  // At `width` columns from `column` on, whole vectors.
+  void get(const std::vector<float>& table, std::size_t column, std::size_t width,
+           float* out) const {
+    for (std::size_t i = 0; i < width; i += lanes) {
+      std::array<float, lanes> sums{};
+      for (std::size_t r = 0; r < count; ++r) {
+        const float* const row = &table[rows[r].first + column + i];
+        for (std::size_t k = 0; k < lanes; ++k) sums[k] += rows[r].factor * row[k];
+      }
+      for (std::size_t k = 0; k < lanes; ++k) out[i + k] = sums[k];
+    }
+  }
+};
+
+// The interval in which ascending sums come to a share of their last, and the share of it.
+struct Interval {
+  std::size_t below = 0;
+  double share = 0;
+};
+Interval find(const float* sums, std::size_t count, double share) {
+  const float target = static_cast<float>(share) * sums[count - 1];
+  std::size_t below = 0;
+  for (std::size_t i = 1; i + 1 < count; ++i) below += sums[i] <= target ? 1 : 0;
+  const double width = double{sums[below + 1]} - double{sums[below]};
+  const double part = double{target} - double{sums[below]};
+  return {below, width > 0 ? std::clamp(part / width, 0.0, 1.0) : 0};
+}
+
+// The part x of a step below which that share of what is linear from a to b lies: a x + (b - a) x^2
+// / 2 = share (a + b) / 2, by the root that has no cancellation.
+double part_below(double a, double b, double share) {
+  const double root = std::sqrt(std::max(a * a + (b * b - a * a) * share, 0.0));
+  return a + root > 0 ? std::min(share * (a + b) / (a + root), 1.0) : share;
 }
 
 class VqLightSampler final : public LightSampler {
  public:
-  explicit VqLightSampler(const VqModel& model)
+  VqLightSampler(const VqModel& model, std::size_t threads)
       : model_(model),
         onion_(model.grid.sizes),
         n_alpha_(model.grid.sizes.alpha),
         n_beta_(model.grid.sizes.beta),
+        width_alpha_((n_alpha_ + lanes - 1) / lanes * lanes),
+        width_beta_((n_beta_ + lanes - 1) / lanes * lanes),
         gamma_(model.info.btf.encoding == Encoding::linear ? 1 : 2.2),
-        slices_(slice_light_sampler(model.info.btf, texel_sampler(model))) {
-    const bool times_cosine = model.info.btf.quantity == Quantity::brdf;
-    std::vector<double> cos_alpha(n_alpha_), cos_beta(n_beta_);
-    for (std::size_t i = 0; i < n_alpha_; ++i) {
-      cos_alpha[i] = std::max(std::cos(onion_.alpha(i) * std::numbers::pi / 180), 0.0);
-      defence_.along_alpha.push_back(cos_alpha[i] + defensive_floor);
-    }
-    for (std::size_t k = 0; k < n_beta_; ++k) {
-      const double sine = onion_.sine_beta(k);
-      cos_beta[k] = std::sqrt(std::max(1 - sine * sine, 0.0));
-      slice_values_.push_back(cos_beta[k] + defensive_floor);
-    }
-    // the code-vectors of P1 after the defensive one
-    for (std::size_t i = 0; i < model.p1.size(); ++i) {
-      const double factor = times_cosine ? cos_beta[i % n_beta_] : 1;
-      slice_values_.push_back(factor * powered(model.p1[i]));
-    }
-    slice_sums_.resize(slice_values_.size());
-    for (std::size_t row = 0; row < slice_values_.size(); row += n_beta_) {
-      for (std::size_t k = 1; k < n_beta_; ++k) {
-        slice_sums_[row + k] =
-            slice_sums_[row + k - 1] + (slice_values_[row + k - 1] + slice_values_[row + k]) / 2;
-      }
-    }
-    for (std::size_t i = 0; i < model.p2.scales.size(); ++i) {
-      const double factor = times_cosine ? cos_alpha[i % n_alpha_] : 1;
-      const double scale = factor * powered(model.p2.scales[i]);
-      hemisphere_scales_.push_back(scale);
-      hemisphere_sums_.push_back(scale * sum_of_slice(1 + model.p2.entries[i]));
-    }
-    defence_.sum = integral(defence_.along_alpha) * sum_of_slice(0);
+        threads_(threads > 0 ? threads
+                             : std::max<std::size_t>(1, std::thread::hardware_concurrency())),
+        albedos_(slice_light_sampler(model.info.btf, texel_sampler(model))) {
+    make_slices();
+    make_hemispheres();
+    const std::size_t per_pair = model.chromaticities > 0 ? 2 : 1;
+    p3_ = links(model.p3, [&](std::size_t k) { return model.m[k * per_pair]; });
+    for (Link& link : p3_) link.row *= 2 * width_alpha_;
+    p4_ = links(model.p4, [&](std::size_t k) { return k * model.grid.sizes.theta; });
     density_unit_ = static_cast<double>((n_alpha_ - 1) * (n_beta_ - 1)) / (2 * std::numbers::pi);
   }
 
@@ -99,169 +118,264 @@ class VqLightSampler final : public LightSampler {
               std::span<DrawnLight> out) override {
     validate_light_queries(model_.info.btf.shape, queries);
     validate_light_numbers(numbers);
-    Slice slice;
-    const LightQuery* found = nullptr;
-    for (std::size_t i = 0; i < queries.size(); ++i) {
-      if (found == nullptr || !(queries[i] == *found)) find(queries[i], slice);
-      found = &queries[i];
-      const Place alpha = invert(
-          n_alpha_, [&](std::size_t a) { return slice.marginal[a]; },
-          [&](std::size_t a) { return slice.cumulative[a]; }, double{numbers[i][0]});
-      const Rows rows = rows_at(slice, alpha);
-      const Place beta = invert(
-          n_beta_, [&](std::size_t b) { return sum_of(rows, slice_values_, b); },
-          [&](std::size_t b) { return sum_of(rows, slice_sums_, b); }, double{numbers[i][1]});
-      const Vector light = onion_.light(slice.phi, alpha.steps(), beta.steps());
-      for (std::size_t c = 0; c < 3; ++c) out[i].direction[c] = static_cast<float>(light[c]);
-      out[i].direction[2] = std::max(out[i].direction[2], 0.0f);  // of a rounded horizon
-      out[i].density = static_cast<float>(density(rows, beta));
-    }
+    for_each_slice(queries, [&](std::size_t i, const Slice& slice, std::span<float> sums) {
+      out[i] = draw(slice, numbers[i], sums);
+    });
   }
 
   void densities(std::span<const LightQuery> queries, std::span<const std::array<float, 3>> lights,
                  std::span<float> out) override {
     validate_light_queries(model_.info.btf.shape, queries);
-    Slice slice;
-    const LightQuery* found = nullptr;
-    for (std::size_t i = 0; i < queries.size(); ++i) {
-      if (lights[i][2] < 0) {
-        out[i] = 0;
-        continue;
-      }
-      if (found == nullptr || !(queries[i] == *found)) find(queries[i], slice);
-      found = &queries[i];
-      const OnionPosition at = onion_.at(to_double(queries[i].view), to_double(lights[i]));
-      out[i] = static_cast<float>(
-          density(rows_at(slice, place_of(at.alpha, n_alpha_)), place_of(at.beta, n_beta_)));
-    }
+    for_each_slice(queries, [&](std::size_t i, const Slice& slice, std::span<float>) {
+      out[i] = density(slice, lights[i]);
+    });
   }
 
   void albedos(std::span<const LightQuery> queries, std::span<float> out) override {
-    slices_->albedos(queries, out);
+    albedos_->albedos(queries, out);
   }
 
  private:
-  // A hemisphere of P2, times what goes to it.
-  struct Term {
-    std::size_t row = 0;  // of P2, times n_alpha
-    double scale = 0;
+  // An entry of a code-book: the row of the one below that it points to, by the index of its first
+  // element, and its scale as light, relative to the largest.
+  struct Link {
+    std::size_t row = 0;
+    float scale = 0;
   };
-  // What is drawn from for one query.
+  // What is drawn from for one query: rows of hemispheres_ that sum to 1, and the cosine and sine
+  // of the view's azimuth.
   struct Slice {
-    double phi = 0;
-    std::array<Term, 4> terms{};
-    std::size_t count = 0;
-    double defence = 0;
-    std::vector<double> marginal, cumulative;  // [n_alpha]
-  };
-  // Code-vectors of P1 and their factors, between two slices.
-  struct Rows {
-    std::array<std::pair<std::size_t, double>, 9> rows{};  // first value, factor
-    std::size_t count = 0;
+    RowSum<5> rows;
+    double cosine = 1, sine = 0;
+    std::vector<float> sums;  // along alpha
   };
 
-  double powered(float x) const { return std::pow(std::max(double{x}, 0.0), gamma_); }
-  double sum_of_slice(std::size_t row) const { return slice_sums_[(row + 1) * n_beta_ - 1]; }
+  double powered(double x) const { return std::pow(std::max(x, 0.0), gamma_); }
+  double alpha(std::size_t i) const { return onion_.alpha(i) * std::numbers::pi / 180; }
 
-  static double integral(std::span<const double> nodes) {
+  // Values and sums of one row, in double, at the end of a table.
+  static void append(std::span<const double> values, std::size_t width, std::vector<float>& table) {
+    const std::size_t first = table.size();
+    table.resize(first + 2 * width);
     double sum = 0;
-    for (std::size_t i = 1; i < nodes.size(); ++i) sum += (nodes[i - 1] + nodes[i]) / 2;
-    return sum;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      if (i > 0) sum += (values[i - 1] + values[i]) / 2;
+      table[first + i] = static_cast<float>(values[i]);
+      table[first + width + i] = static_cast<float>(sum);
+    }
   }
 
-  // The terms of a view and a texel, of integral 1 with the defensive one.
-  void find(const LightQuery& query, Slice& slice) const {
-    const OnionPosition at = onion_.at(to_double(query.view), {0, 0, 1});
-    const OnionStep phi = onion_.phi_step(at.phi), theta = onion_.theta_step(at.theta);
-    const std::size_t per_pair = model_.chromaticities > 0 ? 2 : 1;
-    const std::size_t of_texel = model_.p6.entries[query.texel] * model_.grid.sizes.phi;
-    slice.phi = at.phi;
-    slice.count = 0;
-    slice.marginal.assign(n_alpha_, 0.0);
+  // The defensive slice, and the code-vectors of P1.
+  void make_slices() {
+    std::vector<double> cosines(n_beta_), row(n_beta_);
+    for (std::size_t k = 0; k < n_beta_; ++k) {
+      const double sine = onion_.sine_beta(k);
+      cosines[k] = std::sqrt(std::max(1 - sine * sine, 0.0));
+      row[k] = cosines[k] + defensive_floor;
+    }
+    append(row, width_beta_, slices_);
+    const double largest = largest_of(model_.p1);
+    const bool times_cosine = model_.info.btf.quantity == Quantity::brdf;
+    for (std::size_t first = 0; first < model_.p1.size(); first += n_beta_) {
+      for (std::size_t k = 0; k < n_beta_; ++k) {
+        row[k] = powered(double{model_.p1[first + k]} / largest) * (times_cosine ? cosines[k] : 1);
+      }
+      append(row, width_beta_, slices_);
+    }
+  }
+  double sum_of_slice(std::size_t first) const {
+    return double{slices_[first + width_beta_ + n_beta_ - 1]};
+  }
+
+  // The entries of P2 and, in the last row, the defensive hemisphere.
+  void make_hemispheres() {
+    std::vector<double> cosines(n_alpha_), row(n_alpha_);
+    for (std::size_t i = 0; i < n_alpha_; ++i) cosines[i] = std::max(std::cos(alpha(i)), 0.0);
+    p2_ = links(model_.p2, [&](std::size_t k) { return (1 + k) * 2 * width_beta_; });
+    const bool times_cosine = model_.info.btf.quantity == Quantity::brdf;
+    for (std::size_t first = 0; first < p2_.size(); first += n_alpha_) {
+      for (std::size_t i = 0; i < n_alpha_; ++i) {
+        Link& link = p2_[first + i];
+        if (times_cosine) link.scale *= static_cast<float>(cosines[i]);
+        row[i] = double{link.scale} * sum_of_slice(link.row);
+      }
+      append(row, width_alpha_, hemispheres_);
+    }
+    defence_ = hemispheres_.size();
+    for (std::size_t i = 0; i < n_alpha_; ++i) {
+      p2_.push_back({0, static_cast<float>(cosines[i] + defensive_floor)});
+      row[i] = double{p2_.back().scale} * sum_of_slice(0);
+    }
+    append(row, width_alpha_, hemispheres_);
+  }
+
+  static double largest_of(std::span<const float> values) {
+    float largest = 0;
+    for (const float value : values) largest = std::max(largest, value);
+    return largest > 0 ? double{largest} : 1;
+  }
+
+  template <typename RowOf>
+  std::vector<Link> links(const VqCodeBook& book, const RowOf& row_of) const {
+    const double largest = largest_of(book.scales);
+    std::vector<Link> result;
+    result.reserve(book.scales.size());
+    for (std::size_t k = 0; k < book.scales.size(); ++k) {
+      result.push_back(
+          {row_of(book.entries[k]), static_cast<float>(powered(double{book.scales[k]} / largest))});
+    }
+    return result;
+  }
+
+  // Calls work(i, slice, room for n_beta sums) for each query, in several threads where there are
+  // many.
+  template <typename Work>
+  void for_each_slice(std::span<const LightQuery> queries, const Work& work) const {
+    struct Scratch {
+      Slice slice;
+      std::vector<float> sums;
+    };
+    const std::size_t shares = std::clamp<std::size_t>(queries.size() / least_share, 1, threads_);
+    std::vector<Scratch> scratches(shares);
+    for (Scratch& scratch : scratches) {
+      scratch.slice.sums.resize(width_alpha_);
+      scratch.sums.resize(width_beta_);
+    }
+    const auto run = [&](std::size_t share) {
+      Scratch& scratch = scratches[share];
+      const LightQuery* found = nullptr;
+      const std::size_t end = queries.size() * (share + 1) / shares;
+      for (std::size_t i = queries.size() * share / shares; i < end; ++i) {
+        if (found == nullptr || !(queries[i] == *found)) find_slice(queries[i], scratch.slice);
+        found = &queries[i];
+        work(i, std::as_const(scratch.slice), scratch.sums);
+      }
+    };
+    std::vector<std::jthread> threads;
+    for (std::size_t share = 1; share < shares; ++share) threads.emplace_back(run, share);
+    run(0);
+  }
+
+  // The hemispheres of a view and a texel, of integral 1 with the defensive one.
+  void find_slice(const LightQuery& query, Slice& slice) const {
+    const double x = double{query.view[0]}, y = double{query.view[1]};
+    const double z = std::max(double{query.view[2]}, 0.0);
+    const double across = std::sqrt(x * x + y * y);
+    slice.cosine = across > 0 ? x / across : 1;
+    slice.sine = across > 0 ? y / across : 0;
+    const OnionSizes& n = onion_.sizes();
+    const double turns = n.phi > 1 && across > 0 ? std::atan2(y, x) / (2 * std::numbers::pi) : 0;
+    // straight down is the horizon at azimuth 0
+    const double elevation = across > 0 || z > 0 ? std::atan2(across, z) / std::numbers::pi : 0.5;
+    const OnionStep phi = onion_.phi_step(turns * static_cast<double>(n.phi));
+    const OnionStep theta = onion_.theta_step(2 * elevation * static_cast<double>(n.theta - 1));
+    const std::size_t of_texel = model_.p6.entries[query.texel] * n.phi;
+    struct Term {
+      std::size_t row;
+      double scale;
+    };
+    std::array<Term, 4> terms{};
+    std::size_t count = 0;
+    double sum = 0;
     for (const auto& [p, of_phi] :
          {std::pair(phi.low, 1 - phi.fraction), {phi.high, phi.fraction}}) {
       if (of_phi == 0) continue;
-      const std::size_t k4 = of_texel + p;
-      const std::size_t of_view = model_.p4.entries[k4] * model_.grid.sizes.theta;
+      const Link& in_p4 = p4_[of_texel + p];
       for (const auto& [t, of_theta] :
            {std::pair(theta.low, 1 - theta.fraction), {theta.high, theta.fraction}}) {
         if (of_theta == 0) continue;
-        const std::size_t k3 = of_view + t;
-        Term& term = slice.terms[slice.count++];
-        term.row = model_.m[model_.p3.entries[k3] * per_pair] * n_alpha_;
-        term.scale =
-            of_phi * of_theta * powered(model_.p4.scales[k4]) * powered(model_.p3.scales[k3]);
-        for (std::size_t i = 0; i < n_alpha_; ++i) {
-          slice.marginal[i] += term.scale * hemisphere_sums_[term.row + i];
-        }
+        const Link& in_p3 = p3_[in_p4.row + t];
+        const double scale = of_phi * of_theta * double{in_p4.scale} * double{in_p3.scale};
+        sum += scale * sum_of_hemisphere(in_p3.row);
+        terms[count++] = {in_p3.row, scale};
       }
     }
-    const double sum = integral(slice.marginal);
     const bool black = !std::isnormal(sum) || !std::isnormal(1 / sum);
-    const double factor = black ? 0 : (1 - defensive_share) / sum;
-    slice.defence = (black ? 1 : defensive_share) / defence_.sum;
-    for (std::size_t t = 0; t < slice.count; ++t) slice.terms[t].scale *= factor;
-    slice.cumulative.resize(n_alpha_);
-    for (std::size_t i = 0; i < n_alpha_; ++i) {
-      slice.marginal[i] =
-          factor * slice.marginal[i] + slice.defence * defence_.along_alpha[i] * sum_of_slice(0);
-      if (i > 0) {
-        slice.cumulative[i] =
-            slice.cumulative[i - 1] + (slice.marginal[i - 1] + slice.marginal[i]) / 2;
-      }
+    slice.rows.count = 0;
+    slice.rows.add(defence_,
+                   static_cast<float>((black ? 1 : defensive_share) / sum_of_hemisphere(defence_)));
+    for (std::size_t t = 0; t < count && !black; ++t) {
+      slice.rows.add(terms[t].row,
+                     static_cast<float>((1 - defensive_share) / sum * terms[t].scale));
     }
+    slice.rows.get(hemispheres_, width_alpha_, width_alpha_, slice.sums.data());
+  }
+  double sum_of_hemisphere(std::size_t first) const {
+    return double{hemispheres_[first + width_alpha_ + n_alpha_ - 1]};
   }
 
-  Rows rows_at(const Slice& slice, const Place& alpha) const {
-    Rows rows;
-    const auto add = [&](std::size_t row, double factor) {
-      if (factor > 0) rows.rows[rows.count++] = {row * n_beta_, factor};
-    };
-    const auto& d = defence_.along_alpha;
-    add(0, slice.defence * ((1 - alpha.part) * d[alpha.below] + alpha.part * d[alpha.below + 1]));
-    for (std::size_t t = 0; t < slice.count; ++t) {
-      for (const std::size_t step : {std::size_t{0}, std::size_t{1}}) {
-        const std::size_t i = slice.terms[t].row + alpha.below + step;
-        const double part = step == 0 ? 1 - alpha.part : alpha.part;
-        add(1 + model_.p2.entries[i], part * slice.terms[t].scale * hemisphere_scales_[i]);
-      }
+  // The slices next to a place of alpha.
+  RowSum<10> slices_at(const Slice& slice, const Place& alpha) const {
+    RowSum<10> rows;
+    for (std::size_t r = 0; r < slice.rows.count; ++r) {
+      const Row& row = slice.rows.rows[r];
+      const Link* const in_p2 = &p2_[row.first / (2 * width_alpha_) * n_alpha_ + alpha.below];
+      const auto part = static_cast<float>(alpha.part);
+      rows.add(in_p2[0].row, (1 - part) * row.factor * in_p2[0].scale);
+      rows.add(in_p2[1].row, part * row.factor * in_p2[1].scale);
     }
     return rows;
   }
 
-  static double sum_of(const Rows& rows, const std::vector<double>& values, std::size_t node) {
-    double sum = 0;
-    for (std::size_t r = 0; r < rows.count; ++r) {
-      sum += rows.rows[r].second * values[rows.rows[r].first + node];
-    }
-    return sum;
+  DrawnLight draw(const Slice& slice, const std::array<float, 2>& numbers,
+                  std::span<float> sums) const {
+    const Interval in_alpha = find(slice.sums.data(), n_alpha_, double{numbers[0]});
+    const Place alpha{in_alpha.below,
+                      part_below(slice.rows.at(hemispheres_, in_alpha.below),
+                                 slice.rows.at(hemispheres_, in_alpha.below + 1), in_alpha.share)};
+    const RowSum<10> rows = slices_at(slice, alpha);
+    rows.get(slices_, width_beta_, width_beta_, sums.data());
+    const Interval in_beta = find(sums.data(), n_beta_, double{numbers[1]});
+    const double low = rows.at(slices_, in_beta.below);
+    const double high = rows.at(slices_, in_beta.below + 1);
+    const double part = part_below(low, high, in_beta.share);
+
+    // the direction, turned with the view, and turned back
+    const double angle =
+        std::numbers::pi * (alpha.steps() / static_cast<double>(n_alpha_ - 1) - 0.5);
+    const double along = 2 * Place{in_beta.below, part}.steps() / static_cast<double>(n_beta_ - 1);
+    const double y = along - 1;
+    const double radius = std::sqrt(std::max(1 - y * y, 0.0));
+    const double x = std::sin(angle) * radius;
+    DrawnLight light;
+    light.direction = {static_cast<float>(slice.cosine * x - slice.sine * y),
+                       static_cast<float>(slice.sine * x + slice.cosine * y),
+                       static_cast<float>(std::max(std::cos(angle) * radius, 0.0))};
+    light.density = static_cast<float>(density_unit_ * ((1 - part) * low + part * high));
+    return light;
   }
 
   // p per unit of solid angle, where rows are in steps of the grid.
-  double density(const Rows& rows, const Place& beta) const {
-    return density_unit_ * ((1 - beta.part) * sum_of(rows, slice_values_, beta.below) +
-                            beta.part * sum_of(rows, slice_values_, beta.below + 1));
+  float density(const Slice& slice, const std::array<float, 3>& light) const {
+    if (light[2] < 0) return 0;
+    const double x = slice.cosine * double{light[0]} + slice.sine * double{light[1]};
+    const double y = slice.cosine * double{light[1]} - slice.sine * double{light[0]};
+    const double z = double{light[2]};
+    const double turns = x == 0 && z == 0 ? 0 : std::atan2(x, z) / std::numbers::pi;
+    const Place alpha = place_of((turns + 0.5) * static_cast<double>(n_alpha_ - 1), n_alpha_);
+    const Place beta = place_of((y + 1) / 2 * static_cast<double>(n_beta_ - 1), n_beta_);
+    const RowSum<10> rows = slices_at(slice, alpha);
+    return static_cast<float>(density_unit_ * ((1 - beta.part) * rows.at(slices_, beta.below) +
+                                               beta.part * rows.at(slices_, beta.below + 1)));
   }
 
   const VqModel& model_;
   OnionSlices onion_;
   std::size_t n_alpha_, n_beta_;
+  std::size_t width_alpha_, width_beta_;  // of rows
   double gamma_;
-  std::unique_ptr<LightSampler> slices_;  // for albedos
-  struct {
-    std::vector<double> along_alpha;
-    double sum = 0;
-  } defence_;
-  // The defensive slice and those of P1, [1 + S1][n_beta]: values, and their
-  // integral up to each.
-  std::vector<double> slice_values_, slice_sums_;
-  std::vector<double> hemisphere_scales_, hemisphere_sums_;  // [S2][n_alpha]
-  double density_unit_ = 0;  // steps of the grid per unit of solid angle
+  std::size_t threads_;
+  std::unique_ptr<LightSampler> albedos_;
+  std::vector<Link> p4_, p3_, p2_;  // to p3_, hemispheres_ and slices_
+  std::vector<float> slices_;       // [1 + S1][2][width_beta], the defensive slice first
+  std::vector<float> hemispheres_;  // [S2 + 1][2][width_alpha], the defensive one last
+  std::size_t defence_ = 0;         // in hemispheres_
+  double density_unit_ = 0;         // steps of the grid per unit of solid angle
 };
 
 }  // namespace
 
-std::unique_ptr<LightSampler> vq_light_sampler(const VqModel& model) {
+std::unique_ptr<LightSampler> vq_light_sampler(const VqModel& model, std::size_t threads) {
   const OnionSizes& sizes = model.grid.sizes;
   const bool has_luminance =
       std::find(model.channels.begin(), model.channels.end(), 0) != model.channels.end();
@@ -269,7 +383,7 @@ std::unique_ptr<LightSampler> vq_light_sampler(const VqModel& model) {
       !has_luminance || !model.info.colour_transform.is_linear()) {
     return nullptr;
   }
-  return std::make_unique<VqLightSampler>(model);
+  return std::make_unique<VqLightSampler>(model, threads);
 }
 
 }  // namespace weft::reference

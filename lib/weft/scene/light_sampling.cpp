@@ -13,8 +13,10 @@ void validate_light_queries(const BtfShape& shape, std::span<const LightQuery> q
     if (texel >= shape.texels()) {
       fail_input("query {}: texel {} of {}", i, texel, shape.texels());
     }
-    const float length = std::hypot(view[0], view[1], view[2]);
-    if (!std::isfinite(length) || !(length > 0)) {
+    // in double, where no square of a float overflows or vanishes
+    const double x = double{view[0]}, y = double{view[1]}, z = double{view[2]};
+    const double squares = x * x + y * y + z * z;
+    if (!std::isfinite(squares) || !(squares > 0)) {
       fail_input("query {}: view ({}, {}, {}) is no direction", i, view[0], view[1], view[2]);
     }
   }

@@ -8,11 +8,12 @@
 // T is looked up barycentrically in both directions (Hemisphere), bilinearly in the texels of two
 // mip levels (texture_taps.hpp), in the stored encoding; decoded to linear light; clipped at 0; and
 // taken times cos(theta_l) for a `brdf`, or times DirectionWeights::scale for `radiance`. Levels
-// are mixed in linear light. A model with a grid of views (Model::view_grid) is looked up at the
-// grid's nearest entry, in those levels that are the model's own. Where the mask has an edge, m is
-// interpolated like the values, which are 0 in the hole: so the values are premultiplied by m. They
-// are divided by m before they are decoded and multiplied by the opacity after, so that no dark
-// fringe is left.
+// are mixed in linear light. In those levels that are a model's own, one that is a function of all
+// directions (Model::takes_directions) is looked up at the view and the light themselves, and one
+// with a grid of views (Model::view_grid) at the grid's nearest entry. Where the mask has an edge,
+// m is interpolated like the values, which are 0 in the hole: so the values are premultiplied by m.
+// They are divided by m before they are decoded and multiplied by the opacity after, so that no
+// dark fringe is left.
 #pragma once
 
 #include <array>

@@ -17,8 +17,10 @@
 #include "weft/model/kcta.hpp"
 #include "weft/model/tt.hpp"
 #include "weft/model/tucker.hpp"
+#include "weft/model/vq.hpp"
 #include "weft/ops/peak.hpp"
 #include "weft/reference/random.hpp"
+#include "weft/reference/vq_light_sampler.hpp"
 #include "weft/scene/light_sampling.hpp"
 
 namespace weft {
@@ -26,8 +28,10 @@ namespace {
 
 constexpr std::size_t host_texels = 1000;
 constexpr std::size_t runs = 3;
+// Draws from one slice, where they are coherent.
+constexpr std::size_t draws_of_slice = 64;
 // Slices that lights are drawn from.
-constexpr std::size_t light_slices = 16384, host_light_slices = 128;
+constexpr std::size_t light_slices = 16384, host_light_slices = 128, direct_light_slices = 1 << 18;
 
 // Random texel, view and light, a record each.
 std::vector<std::uint32_t> random_records(const BtfShape& shape, std::size_t count) {
@@ -123,9 +127,35 @@ std::vector<LightQuery> light_queries(const BtfShape& shape, std::size_t count, 
   return queries;
 }
 
-// Directions drawn, and densities of directions, per second.
-void bench_sampler(LightSampler& sampler, const BtfShape& shape, std::size_t count, Report& report,
-                   const std::string& prefix) {
+// Views, texels and lights as they are sampled: records of directions.
+std::vector<std::uint32_t> direction_records(const LookupShape& lookup, const BtfShape& shape,
+                                             std::size_t count, std::size_t each) {
+  std::vector<std::uint32_t> records;
+  records.reserve(lookup.words() * count);
+  const auto add = [&](float value) { records.push_back(std::bit_cast<std::uint32_t>(value)); };
+  const std::vector<LightQuery> queries = light_queries(shape, count, each);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t t = 0; t < lookup.texels; ++t) {
+      records.push_back(static_cast<std::uint32_t>((queries[i].texel + t) % shape.texels()));
+    }
+    const std::uint64_t value = reference::splitmix64(5, i);
+    const double theta = static_cast<double>(value & 0xffff) / 65536 * 85;
+    const double phi = static_cast<double>(value >> 16 & 0xffff) / 65536 * 360;
+    for (const float x : queries[i].view) add(x);
+    for (const float x : direction_from_degrees(theta, phi)) add(x);
+    for (std::size_t t = 0; t < lookup.weights(); ++t) add(0.25f);
+  }
+  return records;
+}
+
+// Directions drawn per second, of a slice for each and of few slices.
+struct DrawRates {
+  double single = 0, coherent = 0;
+};
+
+// Adds directions drawn, and densities of directions, per second.
+DrawRates bench_sampler(LightSampler& sampler, const BtfShape& shape, std::size_t count,
+                        Report& report, const std::string& prefix) {
   const auto rate = [](std::size_t queries, const auto& work) {
     work();  // builds kernels and warms the caches
     double least = 0;
@@ -137,7 +167,7 @@ void bench_sampler(LightSampler& sampler, const BtfShape& shape, std::size_t cou
     }
     return static_cast<double>(queries) / least;
   };
-  constexpr std::size_t draws_of_slice = 64;
+  DrawRates rates;
   for (const std::size_t each : {std::size_t{1}, draws_of_slice}) {
     const std::vector<LightQuery> queries =
         light_queries(shape, each > 1 ? 16 * count : count, each);
@@ -149,22 +179,35 @@ void bench_sampler(LightSampler& sampler, const BtfShape& shape, std::size_t cou
     }
     std::vector<DrawnLight> drawn(queries.size());
     const std::string kind = prefix + (each > 1 ? "coherent_" : "");
-    report.add(kind + "samples",
-               rate(queries.size(), [&] { sampler.sample(queries, numbers, drawn); }), "/s");
+    double& samples = each > 1 ? rates.coherent : rates.single;
+    samples = rate(queries.size(), [&] { sampler.sample(queries, numbers, drawn); });
+    report.add(kind + "samples", samples, "/s");
     std::vector<std::array<float, 3>> lights;
     for (const DrawnLight& light : drawn) lights.push_back(light.direction);
     std::vector<float> densities(queries.size());
     report.add(kind + "densities",
                rate(queries.size(), [&] { sampler.densities(queries, lights, densities); }), "/s");
   }
+  return rates;
 }
 
 void bench_lights(Device& device, const Codec& codec, const Model& model, Report& report) {
   const BtfShape& shape = model.info.btf.shape;
   Report& lights = report.section("lights");
-  bench_sampler(*codec.light_sampler(&device, model), shape, light_slices, lights, "");
-  bench_sampler(*codec.light_sampler(nullptr, model), shape, host_light_slices, lights,
-                "reference_");
+  if (const auto direct = codec.direct_light_sampler(&device, model)) {
+    bench_sampler(*direct, shape, direct_light_slices, lights, "direct_");
+  }
+  bench_sampler(*codec.slice_light_sampler(&device, model), shape, light_slices, lights, "");
+  const DrawRates by_slices = bench_sampler(*codec.slice_light_sampler(nullptr, model), shape,
+                                            host_light_slices, lights, "reference_");
+  // of one core both
+  const auto* vq = dynamic_cast<const VqModel*>(&model);
+  const auto alone = vq ? reference::vq_light_sampler(*vq, 1) : nullptr;
+  if (!alone) return;
+  const DrawRates direct =
+      bench_sampler(*alone, shape, direct_light_slices, lights, "direct_one_core_");
+  lights.add("direct_gain", direct.single / by_slices.single);
+  lights.add("coherent_direct_gain", direct.coherent / by_slices.coherent);
 }
 
 }  // namespace
@@ -238,6 +281,14 @@ void bench_model(Device& device, const ModelBenchOptions& options, Report& repor
   lookups.add("sorted_by_texel", rate(single, sorted_by_texel(records)), "/s");
   const std::size_t fewer = std::max<std::size_t>(options.lookups / 10, 1);
   lookups.add("filtered", rate(filtered, random_filtered(filtered, shape, fewer)), "/s");
+  if (!model->takes_directions()) return;
+  const auto of_directions = [&](std::size_t texels, std::size_t count, std::size_t each) {
+    const LookupShape lookup{texels, 1, 1, true};
+    return rate(lookup, direction_records(lookup, shape, count, each));
+  };
+  lookups.add("directions", of_directions(1, options.lookups, 1), "/s");
+  lookups.add("coherent_directions", of_directions(1, options.lookups, draws_of_slice), "/s");
+  lookups.add("filtered_directions", of_directions(4, fewer, 1), "/s");
 }
 
 }  // namespace weft
