@@ -16,10 +16,23 @@
 //   scales:       [panels NR]
 //   code_vectors: [rows of groups][values][MR]   L' and A
 //   squares:      [rows of groups MR][2]  |L'|^2 / 2, |A|^2 / 2; the second large in padding
+//   numbers:      [rows of groups MR]
 //   best, index:  [panels NR]             score and number of the best so far
 //
+// Where both are in the order of their norms, a block of GROUP MR code-vectors whose norms are in
+// [L_low, L_high] and [A_low, A_high] can't score more than by the triangle inequality
+//
+//   score <= (|l'|^2 + |a|^2 - D) / 2,   D >= (|l'| - s |L'|)^2 + (|a| - |A|)^2
+//
+// and is skipped where that is less than the best of every lane by more than scores are rounded.
+// Blocks are looked at from the one on whose norms are next to the panel's.
+//
+//   norms:        [panels][2][NR]         |l'|, |a|
+//   ranges:       [blocks][4]             L_low, L_high, A_low, A_high
+//   start:        [panels]                block
+//
 // KC     values of a run
-// GROUP  rows of MR code-vectors whose scores are kept
+// GROUP  rows of MR code-vectors whose scores are kept: a block
 #include "vector_width.cl"
 #include "micro_tile.cl"
 
@@ -35,13 +48,13 @@
 #define intv int8
 #endif
 
-// Interleaves `lanes` rows of [count][luminances + chromaticities], luminances without their scale
-// and times it; the rows' scales are 1 where `scaled` is 0. Work-item (block of KC values, panel of
-// rows).
+// Interleaves `lanes` rows of [count][luminances + chromaticities] in the order of their numbers,
+// luminances without their scale and times it; the rows' scales are 1 where `scaled` is 0. Scales are
+// in that order, too. Work-item (block of KC values, panel of rows).
 __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void pack_vectors(ulong luminances, ulong values, ulong count, ulong lanes, uint scaled,
                            __global const float* restrict rows, __global const float* restrict scales,
-                           __global float* restrict packed) {
+                           __global const uint* restrict numbers, __global float* restrict packed) {
   const ulong first = get_global_id(0) * KC;
   const ulong end = min(first + KC, values);
   __global float* out = packed + get_global_id(1) * values * lanes;
@@ -52,25 +65,28 @@ __kernel void pack_vectors(ulong luminances, ulong values, ulong count, ulong la
       continue;
     }
     const float scale = scaled ? scales[row] : 1.0f;
-    __global const float* in = rows + row * values;
+    __global const float* in = rows + numbers[row] * values;
     for (ulong k = first; k < end; ++k) {
       out[k * lanes + lane] = k < luminances ? scale * (in[k] - scale) : in[k];
     }
   }
 }
 
-// Half the squares of code-vectors' rows; padding is never the nearest. Work-item (row).
+// Half the squares of rows, of luminances without their scale, which is 1 where `scaled` is 0.
+// Work-item (row).
 __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void half_squares(ulong luminances, ulong values, ulong count,
-                           __global const float* restrict rows, __global float* restrict squares) {
+__kernel void half_squares(ulong luminances, ulong values, uint scaled,
+                           __global const float* restrict rows, __global const float* restrict scales,
+                           __global float* restrict squares) {
   const ulong row = get_global_id(0);
-  float sums[2] = {0.0f, row < count ? 0.0f : 1e30f};
-  for (ulong k = 0; k < values && row < count; k += KC) {
+  const float scale = scaled ? scales[row] : 1.0f;
+  float sums[2] = {0.0f, 0.0f};
+  for (ulong k = 0; k < values; k += KC) {
     // a run of either part
     const uint part = k < luminances ? 0 : 1;
     float sum = 0.0f;
     for (ulong i = k; i < min(k + KC, values); ++i) {
-      const float x = i < luminances ? rows[row * values + i] - 1.0f : rows[row * values + i];
+      const float x = i < luminances ? rows[row * values + i] - scale : rows[row * values + i];
       if (part == 0 && i >= luminances) {
         sums[1] = fma(0.5f * x, x, sums[1]);
       } else {
@@ -83,6 +99,28 @@ __kernel void half_squares(ulong luminances, ulong values, ulong count,
   squares[2 * row + 1] = sums[1];
 }
 
+// How far x is from [low, high].
+inline realv distance_to(realv x, realv low, realv high) {
+  const realv below = low - x;
+  const realv above = x - high;
+  const realv outside = below > above ? below : above;
+  return outside > 0.0f ? outside : (realv)0.0f;
+}
+
+// Whether no code-vector of a block can be the nearest of any of VW vectors. Scores and norms are
+// within 2^-14 of the squares that they are made of.
+inline int is_beyond(realv luminance, realv chromaticity, realv scale, realv best,
+                     __global const float* range) {
+  const realv low = scale * range[0];
+  const realv high = scale * range[1];
+  const realv l = distance_to(luminance, low, high);
+  const realv a = distance_to(chromaticity, (realv)range[2], (realv)range[3]);
+  const realv squares = luminance * luminance + chromaticity * chromaticity;
+  const realv most = 0.5f * (squares - l * l - a * a);
+  const realv rounding = 0x1p-14f * (squares + high * high + range[3] * range[3]);
+  return all(most + rounding < best);
+}
+
 #define ROW(r) float* row##r = scores + (g * MR + r) * NR;
 #define ADD(r) MULTIPLY(r, c[r])
 #define KEEP(r)                                           \
@@ -90,20 +128,39 @@ __kernel void half_squares(ulong luminances, ulong values, ulong count,
   storev(y##r + loadv(row##r + VW), row##r + VW);         \
   storev(z##r + loadv(row##r + 2 * VW), row##r + 2 * VW);
 
-// Work-item (panel). The code-vectors are numbered from first_number on; the first of equal ones is
-// taken.
+// Work-item (panel). The code-vectors of these rows are numbered from first_number on; the first of
+// equal ones is taken.
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
-__kernel void nearest_code_vector(ulong values, ulong groups, uint first_number,
+__kernel void nearest_code_vector(ulong values, ulong groups, uint first_number, uint pruned,
                                   __global const float* restrict vectors,
                                   __global const float* restrict scales,
+                                  __global const float* restrict norms,
+                                  __global const uint* restrict start,
                                   __global const float* restrict code_vectors,
                                   __global const float* restrict squares,
+                                  __global const uint* restrict numbers,
+                                  __global const float* restrict ranges,
                                   __global float* restrict best, __global int* restrict index) {
   const ulong panel = get_global_id(0);
   __global const float* panel_vectors = vectors + panel * values * NR;
   __global const float* panel_scales = scales + panel * NR;
+  const long blocks = (long)((groups + GROUP - 1) / GROUP);
+  const long near = pruned ? (long)start[panel] : 0;
   float scores[GROUP * MR * NR];
-  for (ulong first = 0; first < groups; first += GROUP) {
+  for (long t = 0; t < 2 * blocks; ++t) {
+    // near, near + 1, near - 1, near + 2 ...
+    const long block = near + ((t & 1) ? (t + 1) / 2 : -(t / 2));
+    if (block < 0 || block >= blocks) continue;
+    if (pruned) {
+      int beyond = 1;
+      for (uint lane = 0; lane < NR && beyond; lane += VW) {
+        const ulong at = panel * 2 * NR + lane;
+        beyond = is_beyond(loadv(norms + at), loadv(norms + at + NR), loadv(panel_scales + lane),
+                           loadv(best + panel * NR + lane), ranges + 4 * block);
+      }
+      if (beyond) continue;
+    }
+    const ulong first = (ulong)block * GROUP;
     const uint count = (uint)min((ulong)GROUP, groups - first);
     for (uint r = 0; r < count * MR; ++r) {
       __global const float* square = squares + (first * MR + r) * 2;
@@ -141,9 +198,10 @@ __kernel void nearest_code_vector(ulong values, ulong groups, uint first_number,
 #endif
       for (uint r = 0; r < count * MR; ++r) {
         const realv score = loadv(scores + r * NR + lane);
-        const intv better = score > most;
+        const intv candidate = (intv)(int)(first_number + numbers[first * MR + r]);
+        const intv better = (score > most) | ((score == most) & (candidate < number));
         most = select(most, score, better);
-        number = select(number, (intv)(int)(first_number + (uint)first * MR + r), better);
+        number = select(number, candidate, better);
       }
       storev(most, best + panel * NR + lane);
 #if VW == 16

@@ -94,6 +94,56 @@ TEST(NearestCodeVector, ManyVectorsAndLongOnes) {
   expect_nearest(random_problem({1 << 20, 0}, 3, 40, 5), search);
 }
 
+// Clusters of vectors, of very different contrast, near one code-vector each.
+Problem clustered_problem(const VectorShape& shape, std::size_t vectors, std::size_t code_vectors,
+                          std::uint64_t seed) {
+  Problem problem = random_problem(shape, vectors, code_vectors, seed);
+  const std::size_t width = shape.values();
+  const std::vector<float> noise = random_floats(vectors * width, seed + 7, -0.02, 0.02);
+  for (std::size_t j = 0; j < code_vectors; ++j) {
+    for (std::size_t k = 0; k < width; ++k) {
+      float& value = problem.code_vectors[j * width + k];
+      const float contrast = 4.0F * static_cast<float>(j) / static_cast<float>(code_vectors);
+      value = k < shape.luminances ? 1 + contrast * (value - 1) : contrast * value;
+    }
+  }
+  for (std::size_t i = 0; i < vectors; ++i) {
+    const std::size_t like = i * 7 % code_vectors;
+    problem.scales[i] = 0.2F + 0.01F * static_cast<float>(i % 50);
+    for (std::size_t k = 0; k < width; ++k) {
+      const float scale = k < shape.luminances ? problem.scales[i] : 1.0F;
+      problem.rows[i * width + k] =
+          scale * problem.code_vectors[like * width + k] + noise[i * width + k];
+    }
+  }
+  return problem;
+}
+
+// Code-vectors that are skipped are none that would be found.
+TEST(NearestCodeVector, SkippingChangesNothing) {
+  Device& device = shared_device();
+  ops::DeviceNearestSearch pruned(device);
+  ops::DeviceNearestSearch whole(device, false);
+  for (const VectorShape& shape : {VectorShape{11, 0}, VectorShape{0, 2}, VectorShape{0, 22},
+                                   VectorShape{121, 242}, VectorShape{1000, 24}}) {
+    for (const bool clustered : {true, false}) {
+      Problem problem =
+          clustered ? clustered_problem(shape, 700, 900, 8) : random_problem(shape, 300, 500, 6);
+      // equal ones, and one without luminance
+      const auto width = static_cast<std::ptrdiff_t>(shape.values());
+      std::copy_n(problem.code_vectors.begin() + 5 * width, width,
+                  problem.code_vectors.begin() + 400 * width);
+      std::fill_n(problem.rows.begin(), shape.luminances, 0.0F);
+      problem.scales[0] = 0;
+      const ScaledVectors vectors{problem.rows, problem.scales};
+      pruned.set(shape, problem.code_vectors);
+      whole.set(shape, problem.code_vectors);
+      EXPECT_EQ(pruned.nearest(vectors, any_distance), whole.nearest(vectors, any_distance));
+    }
+  }
+  expect_nearest(clustered_problem({11, 0}, 300, 500, 4), pruned);
+}
+
 // What is there comes back, the first of equal ones.
 TEST(NearestCodeVector, FindsItself) {
   Problem problem = random_problem({64, 128}, 1, 200, 9);

@@ -29,8 +29,9 @@ constexpr std::size_t least_directions = 16;
 constexpr std::array<ParameterSpec, 5> vq_parameters{{
     {"threshold", "0.1",
      "how far a texel may be from its code-vector: largest root mean square of differences, as a "
-     "part of the data's; with --similarity ssim, the 1 - SSIM that 98 % of its values keep to. "
-     "Or eight, of P4,P3,M,P2,P1,I2,I1,C; what is not given is 0.4 of the mean square of the level "
+     "part of the data's; with --similarity ssim, the 1 - SSIM that 98 % of its values keep to, "
+     "then 0.01 if not given. Or eight, of P4,P3,M,P2,P1,I2,I1,C; what is not given is 0.4 of the "
+     "mean square of the level "
      "above, or the same dissimilarity"},
     {"similarity", "mse",
      "mse: squared error; ssim: what a texel in a code-vector's place does to the structural "
@@ -43,6 +44,9 @@ constexpr std::array<ParameterSpec, 5> vq_parameters{{
      "percent of the texels that code-books begin with, and that complete them; at least 256 and "
      "768 texels, at most 1024 and 3072"},
 }};
+
+// The threshold of --similarity ssim, where none is given.
+constexpr double default_dissimilarity = 0.01;
 
 const VqModel& as_vq(const Model& model) {
   return dynamic_cast<const VqModel&>(model);
@@ -128,8 +132,10 @@ VqGrid grid_of(const Parameters& parameters, const BtfInfo& source) {
 VqRequest request_of(const Parameters& parameters, const BtfInfo& source) {
   VqRequest request;
   request.similarity = similarity_of(parameters);
-  request.thresholds =
-      thresholds_of(numbers_of(parameters, "threshold", 8, 1e6), request.similarity);
+  const bool own = !parameters.contains("threshold") && request.similarity == VqSimilarity::ssim;
+  request.thresholds = thresholds_of(own ? std::vector<double>{default_dissimilarity}
+                                         : numbers_of(parameters, "threshold", 8, 1e6),
+                                     request.similarity);
   request.grid = grid_of(parameters, source);
   const std::vector<double> samples = numbers_of(parameters, "samples", 2, 100);
   request.first_part = samples[0] / 100;

@@ -16,7 +16,9 @@ namespace weft::ops {
 // magnitudes should be about 1.
 class DeviceNearestSearch final : public NearestSearch {
  public:
-  explicit DeviceNearestSearch(Device& device) : device_(device) {}
+  // Without pruning, every code-vector is looked at: the same indices, later.
+  explicit DeviceNearestSearch(Device& device, bool pruning = true)
+      : device_(device), pruning_(pruning) {}
 
   void set(const VectorShape& shape, std::span<const float> code_vectors) override;
   std::vector<std::uint32_t> nearest(const ScaledVectors& vectors, double most) override;
@@ -29,11 +31,23 @@ class DeviceNearestSearch final : public NearestSearch {
   struct Part {
     std::size_t first = 0;   // number of the first code-vector
     std::size_t groups = 0;  // of rows
-    Buffer packed;
-    Buffer squares;
+    Buffer packed, squares, numbers, ranges;
+    std::vector<float> keys;  // of the first row of each block
+  };
+  // Rows on the device, half the squares of their two parts, and their order.
+  struct Ordered {
+    Buffer rows;
+    std::vector<float> squares;          // [rows][2]
+    std::vector<std::uint32_t> numbers;  // in the order of norms
   };
 
+  // Whether blocks of code-vectors are worth looking at before they are compared.
+  bool is_pruned() const;
+  Ordered order(std::span<const float> rows, std::span<const float> scales) const;
+  Buffer pack(const Ordered& ordered, const Buffer& scales, bool scaled, std::size_t lanes) const;
+
   Device& device_;
+  bool pruning_;
   VectorShape shape_;
   std::vector<Part> parts_;
 };

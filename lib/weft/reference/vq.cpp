@@ -50,7 +50,9 @@ int unit_exponent(double largest) {
 }
 
 void scale_all(std::span<float> values, int exponent) {
-  for (float& value : values) value = static_cast<float>(std::ldexp(double{value}, exponent));
+  if (exponent == 0) return;
+  const double factor = std::ldexp(1.0, exponent);
+  for (float& value : values) value = static_cast<float>(double{value} * factor);
 }
 
 double root_mean_square(std::span<const float> rows, const VectorShape& shape) {
