@@ -8,6 +8,7 @@
 #include <numbers>
 #include <vector>
 
+#include "model/random_vq.hpp"
 #include "support/expect_error.hpp"
 #include "support/generators.hpp"
 #include "support/memory_btf.hpp"
@@ -187,6 +188,28 @@ TEST(LightSampling, EveryWayGivesTheSamePicture) {
           }
         }
       }
+    }
+  }
+}
+
+// Models of all directions too, whose tables of slices are of measured ones.
+TEST(LightSampling, EveryWayGivesTheSamePictureOfModelsOfAllDirections) {
+  constexpr std::size_t pictures = 100;
+  const std::shared_ptr<const Model> model = std::make_shared<VqModel>(
+      random_vq({19, 23, 4, 4, 3}, {VqGrid::Kind::onion, {8, 4, 5, 6}}, small_sizes, 2));
+  Job job;
+  const auto shader = make_shader(&shared_device(), model, job);
+  const Scene scene = plane_scene(map_with(1), 7);
+  const std::vector<double> coarse = by_quadrature(scene, *shader, 8);
+  const std::vector<double> expected = by_quadrature(scene, *shader, 16);
+  for (const LightSampling way : every_way) {
+    SCOPED_TRACE(testing::Message() << "way " << static_cast<int>(way));
+    const Estimates found = estimate(scene, way, *shader, pictures);
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      const double error = 5 * std::sqrt(found.variances[i] / pictures);
+      EXPECT_LT(error, 0.2 * expected[i]);
+      EXPECT_NEAR(found.means[i], expected[i], error + std::abs(expected[i] - coarse[i]))
+          << "pixel " << i;
     }
   }
 }
