@@ -58,18 +58,43 @@ __kernel void pack_vectors(ulong luminances, ulong values, ulong count, ulong la
   const ulong first = get_global_id(0) * KC;
   const ulong end = min(first + KC, values);
   __global float* out = packed + get_global_id(1) * values * lanes;
-  for (ulong lane = 0; lane < lanes; ++lane) {
-    const ulong row = get_global_id(1) * lanes + lane;
-    if (row >= count) {
-      for (ulong k = first; k < end; ++k) out[k * lanes + lane] = 0.0f;
-      continue;
-    }
-    const float scale = scaled ? scales[row] : 1.0f;
-    __global const float* in = rows + numbers[row] * values;
-    for (ulong k = first; k < end; ++k) {
-      out[k * lanes + lane] = k < luminances ? scale * (in[k] - scale) : in[k];
+  // some values of all rows after each other: what is written stays in a cache for all of them
+  for (ulong k0 = first; k0 < end; k0 += 16) {
+    const ulong k1 = min(k0 + 16, end);
+    for (ulong lane = 0; lane < lanes; ++lane) {
+      const ulong row = get_global_id(1) * lanes + lane;
+      if (row >= count) {
+        for (ulong k = k0; k < k1; ++k) out[k * lanes + lane] = 0.0f;
+        continue;
+      }
+      const float scale = scaled ? scales[row] : 1.0f;
+      __global const float* in = rows + numbers[row] * values;
+      for (ulong k = k0; k < k1; ++k) {
+        out[k * lanes + lane] = k < luminances ? scale * (in[k] - scale) : in[k];
+      }
     }
   }
+}
+
+// Half the sum of (x - shift)^2 over n values, in runs.
+inline float half_square(__global const float* x, ulong n, float shift) {
+  float total = 0.0f;
+  for (ulong first = 0; first < n; first += KC) {
+    const ulong end = min(first + KC, n);
+    realv sums = 0.0f;
+    ulong k = first;
+    for (; k + VW <= end; k += VW) {
+      const realv d = loadv(x + k) - shift;
+      sums = fma(0.5f * d, d, sums);
+    }
+    float lanes[VW];
+    storev(sums, lanes);
+    float sum = 0.0f;
+    for (uint lane = 0; lane < VW; ++lane) sum += lanes[lane];
+    for (; k < end; ++k) sum = fma(0.5f * (x[k] - shift), x[k] - shift, sum);
+    total += sum;
+  }
+  return total;
 }
 
 // Half the squares of rows, of luminances without their scale, which is 1 where `scaled` is 0.
@@ -80,23 +105,9 @@ __kernel void half_squares(ulong luminances, ulong values, uint scaled,
                            __global float* restrict squares) {
   const ulong row = get_global_id(0);
   const float scale = scaled ? scales[row] : 1.0f;
-  float sums[2] = {0.0f, 0.0f};
-  for (ulong k = 0; k < values; k += KC) {
-    // a run of either part
-    const uint part = k < luminances ? 0 : 1;
-    float sum = 0.0f;
-    for (ulong i = k; i < min(k + KC, values); ++i) {
-      const float x = i < luminances ? rows[row * values + i] - scale : rows[row * values + i];
-      if (part == 0 && i >= luminances) {
-        sums[1] = fma(0.5f * x, x, sums[1]);
-      } else {
-        sum = fma(0.5f * x, x, sum);
-      }
-    }
-    sums[part] += sum;
-  }
-  squares[2 * row] = sums[0];
-  squares[2 * row + 1] = sums[1];
+  __global const float* x = rows + row * values;
+  squares[2 * row] = half_square(x, luminances, scale);
+  squares[2 * row + 1] = half_square(x + luminances, values - luminances, 0.0f);
 }
 
 // How far x is from [low, high].

@@ -2,25 +2,33 @@
 // of a vector is a texel whose window has the mean mu and the deviation sigma; in its place a
 // code-vector has s L_j or A_j, which is d more. With the window's weight w of its centre
 //
-//   N = 2 mu (mu + w d) + C1                       p = (w d)^2
-//   M = 2 sigma^2 + 2 w d (x - mu) + C2            q = w (1 - w) d^2
+//   e = 2 w mu,  b = 2 sigma^2 + C2                p = (w d)^2
+//   N = e^2 / (2 w^2) + C1 + e d                   q = w (1 - w) d^2
+//   M = b + (2 w x - e) d
 //   1 - SSIM = (p (M + q) + q N) / ((N + p) (M + q))
 //
 // and a code-vector's dissimilarity is the least that all values but `outliers` do not exceed. It
 // is left as soon as more of them exceed that of the best so far, which takes no division.
 //
-//   vectors:      x, means, deviations   [vectors][groups of VW]   luminances, chromaticities
+//   vectors:      x, e, b                [vectors][groups of VW]   luminances, chromaticities
 //   code_vectors:                        [count][groups of VW]     each padded with zeros
 //   best, index:  [vectors]   dissimilarity and number of the best so far; at first what is allowed,
 //                             and NONE
 //
 // Short vectors, without outliers, are interleaved: lanes are vectors. Theirs are [panels][values][VW].
 //
-// RUN  groups after which those that exceed are counted
+// What is found does not depend on where the search begins. Where any dissimilarity is allowed, it
+// begins with the code-vector that is most similar in some of the values.
+//
+// RUN        groups after which those that exceed are counted, and that the first one is chosen by
+// SHORT_RUN  the same of vectors of few groups
 #include "vector_width.cl"
 
 #ifndef RUN
 #define RUN 16
+#endif
+#ifndef SHORT_RUN
+#define SHORT_RUN 4
 #endif
 #define NONE 0xffffffffu
 #if VW == 16
@@ -34,21 +42,27 @@
 #endif
 
 typedef struct {
-  float c1, c2, w;
-  float q;  // of q = that times p: (1 - w) / w
+  float c1;
+  float twice;    // 2 w
+  float squared;  // w^2
+  float rest;     // w (1 - w)
+  float mean;     // 1 / (2 w^2)
 } Window;
 
+inline Window window_of(float c1, float w) {
+  const Window window = {c1, 2.0f * w, w * w, w * (1.0f - w), 0.5f / (w * w)};
+  return window;
+}
+
 // Numerator and denominator of 1 - SSIM.
-inline void compare_windows(const Window* window, realv x, realv mean, realv deviation, realv y,
+inline void compare_windows(const Window* window, realv x, realv e, realv b, realv y,
                             realv* numerator, realv* denominator) {
-  const realv wd = window->w * (y - x);
-  const realv p = wd * wd;
-  const realv q = window->q * p;
-  const realv n = fma(2.0f * mean, mean + wd, (realv)window->c1);
-  const realv m =
-      fma(2.0f * wd, x - mean, fma(2.0f * deviation, deviation, (realv)window->c2)) + q;
-  *numerator = fma(p, m, q * n);
-  *denominator = (n + p) * m;
+  const realv d = y - x;
+  const realv square = d * d;
+  const realv n = fma(e, d, fma(window->mean * e, e, (realv)window->c1));
+  const realv m = fma((realv)window->rest, square, fma(fma((realv)window->twice, x, -e), d, b));
+  *numerator = square * fma((realv)window->squared, m, window->rest * n);
+  *denominator = fma((realv)window->squared, square, n) * m;
 }
 
 // Sum of lanes.
@@ -80,33 +94,73 @@ inline float percentile(__global const float* values, ulong groups, int outliers
   return as_float(high);
 }
 
+// The code-vector with the least sum of dissimilarities in RUN groups.
+inline uint first_guess(const Window* window, ulong luminance_groups, ulong groups, uint count,
+                        float scale, __global const float* x, __global const float* e,
+                        __global const float* b, __global const float* code_vectors) {
+  const ulong step = max(groups / RUN, (ulong)1);
+  float least = INFINITY;
+  uint guess = 0;
+  for (uint j = 0; j < count; ++j) {
+    realv sum = 0.0f;
+    for (ulong k = step / 2; k < groups; k += step) {
+      const realv y =
+          (k < luminance_groups ? scale : 1.0f) * loadv(code_vectors + (j * groups + k) * VW);
+      realv numerator, denominator;
+      compare_windows(window, loadv(x + k * VW), loadv(e + k * VW), loadv(b + k * VW), y,
+                      &numerator, &denominator);
+      const realv dissimilarity = numerator / denominator;
+      sum += dissimilarity > 0.0f ? dissimilarity : (realv)0.0f;
+    }
+    float lanes[VW];
+    storev(sum, lanes);
+    float all_lanes = 0.0f;
+    for (uint lane = 0; lane < VW; ++lane) all_lanes += lanes[lane];
+    if (all_lanes < least) {
+      least = all_lanes;
+      guess = j;
+    }
+  }
+  return guess;
+}
+
 // Work-item (vector). `room` holds the dissimilarities of one code-vector.
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void similar_code_vector(ulong luminance_groups, ulong groups, uint outliers, uint count,
-                                  uint first_number, float c1, float c2, float w,
-                                  __global const float* restrict x,
-                                  __global const float* restrict means,
-                                  __global const float* restrict deviations,
+                                  uint first_number, float c1, float w,
+                                  __global const float* restrict all_x,
+                                  __global const float* restrict all_e,
+                                  __global const float* restrict all_b,
                                   __global const float* restrict scales,
                                   __global const float* restrict code_vectors,
-                                  __global float* restrict room, __global float* restrict best,
+                                  __global float* restrict all_room, __global float* restrict best,
                                   __global uint* restrict index) {
-  const Window window = {c1, c2, w, (1.0f - w) / w};
+  const Window window = window_of(c1, w);
   const ulong i = get_global_id(0);
-  const ulong row = i * groups * VW;
+  __global const float* x = all_x + i * groups * VW;
+  __global const float* e = all_e + i * groups * VW;
+  __global const float* b = all_b + i * groups * VW;
+  __global float* room = all_room + i * groups * VW;
   const float scale = scales[i];
   float bound = best[i];
   uint number = index[i];
-  for (uint j = 0; j < count; ++j) {
+  const uint guess =
+      bound < INFINITY
+          ? 0
+          : first_guess(&window, luminance_groups, groups, count, scale, x, e, b, code_vectors);
+  const uint run = groups > 4 * RUN ? RUN : SHORT_RUN;
+  for (uint t = 0; t <= count; ++t) {
+    if (t == guess + 1) continue;
+    const uint j = t == 0 ? guess : t - 1;
     __global const float* code_vector = code_vectors + j * groups * VW;
     int exceeding = 0;
-    for (ulong first = 0; first < groups && exceeding <= (int)outliers; first += RUN) {
+    for (ulong first = 0; first < groups && exceeding <= (int)outliers; first += run) {
       intv above = 0;
-      for (ulong k = first; k < min(first + RUN, groups); ++k) {
+      for (ulong k = first; k < min(first + run, groups); ++k) {
         const realv y = (k < luminance_groups ? scale : 1.0f) * loadv(code_vector + k * VW);
         realv numerator, denominator;
-        compare_windows(&window, loadv(x + row + k * VW), loadv(means + row + k * VW),
-                        loadv(deviations + row + k * VW), y, &numerator, &denominator);
+        compare_windows(&window, loadv(x + k * VW), loadv(e + k * VW), loadv(b + k * VW), y,
+                        &numerator, &denominator);
         above -= numerator > bound * denominator;
       }
       exceeding += lane_sum(above);
@@ -115,13 +169,13 @@ __kernel void similar_code_vector(ulong luminance_groups, ulong groups, uint out
     for (ulong k = 0; k < groups; ++k) {
       const realv y = (k < luminance_groups ? scale : 1.0f) * loadv(code_vector + k * VW);
       realv numerator, denominator;
-      compare_windows(&window, loadv(x + row + k * VW), loadv(means + row + k * VW),
-                      loadv(deviations + row + k * VW), y, &numerator, &denominator);
+      compare_windows(&window, loadv(x + k * VW), loadv(e + k * VW), loadv(b + k * VW), y,
+                      &numerator, &denominator);
       const realv dissimilarity = numerator / denominator;
-      storev(dissimilarity > 0.0f ? dissimilarity : (realv)0.0f, room + row + k * VW);
+      storev(dissimilarity > 0.0f ? dissimilarity : (realv)0.0f, room + k * VW);
     }
-    const float found = percentile(room + row, groups, (int)outliers, bound);
-    if (number != NONE && found >= bound) continue;
+    const float found = percentile(room, groups, (int)outliers, bound);
+    if (number != NONE && (found > bound || (found == bound && first_number + j > number))) continue;
     bound = found;
     number = first_number + j;
   }
@@ -132,13 +186,13 @@ __kernel void similar_code_vector(ulong luminance_groups, ulong groups, uint out
 // Work-item (panel of VW vectors), of few values without outliers.
 WIDE_VECTORS __attribute__((reqd_work_group_size(1, 1, 1)))
 __kernel void similar_short_vector(uint luminances, uint values, uint count, uint first_number,
-                                   float c1, float c2, float w, __global const float* restrict x,
-                                   __global const float* restrict means,
-                                   __global const float* restrict deviations,
+                                   float c1, float w, __global const float* restrict x,
+                                   __global const float* restrict e,
+                                   __global const float* restrict b,
                                    __global const float* restrict scales,
                                    __global const float* restrict code_vectors,
                                    __global float* restrict best, __global int* restrict index) {
-  const Window window = {c1, c2, w, (1.0f - w) / w};
+  const Window window = window_of(c1, w);
   const ulong i = get_global_id(0) * VW;
   const ulong panel = i * values;
   const realv scale = loadv(scales + i);
@@ -148,10 +202,11 @@ __kernel void similar_short_vector(uint luminances, uint values, uint count, uin
     __global const float* code_vector = code_vectors + (ulong)j * values;
     realv most = 0.0f;
     for (uint k = 0; k < values; ++k) {
+      const ulong at = panel + k * VW;
       const realv y = (k < luminances ? scale : (realv)1.0f) * code_vector[k];
       realv numerator, denominator;
-      compare_windows(&window, loadv(x + panel + k * VW), loadv(means + panel + k * VW),
-                      loadv(deviations + panel + k * VW), y, &numerator, &denominator);
+      compare_windows(&window, loadv(x + at), loadv(e + at), loadv(b + at), y, &numerator,
+                      &denominator);
       const realv dissimilarity = numerator / denominator;
       most = dissimilarity > most ? dissimilarity : most;
       if (k % 4 == 3 && all(most > bound)) break;

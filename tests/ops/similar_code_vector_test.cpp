@@ -239,7 +239,6 @@ TEST(SimilarCodeVector, SmallBuffersAreKept) {
   const std::size_t lanes = ops::vector_width(device);
   const SimilarityConstants constants = similarity_constants();
   const auto c1 = static_cast<float>(constants.c1);
-  const auto c2 = static_cast<float>(constants.c2);
   const auto centre = static_cast<float>(constants.centre);
   for (const bool is_short : {true, false}) {
     const std::size_t values = is_short ? 11 : 4 * lanes;
@@ -253,8 +252,16 @@ TEST(SimilarCodeVector, SmallBuffersAreKept) {
       return is_short ? transpose(std::span<const float>(rows), lanes, values) : rows;
     };
     GuardedBuffer x = guarded(plane(problem.rows), "vectors");
-    GuardedBuffer means = guarded(plane(problem.means), "means");
-    GuardedBuffer deviations = guarded(plane(problem.deviations), "deviations");
+    std::vector<float> twice_means, twice_squares;
+    for (const float mean : problem.means) {
+      twice_means.push_back(static_cast<float>(2 * constants.centre * double{mean}));
+    }
+    for (const float deviation : problem.deviations) {
+      twice_squares.push_back(
+          static_cast<float>(2 * double{deviation} * double{deviation} + constants.c2));
+    }
+    GuardedBuffer means = guarded(plane(twice_means), "means");
+    GuardedBuffer deviations = guarded(plane(twice_squares), "deviations");
     GuardedBuffer scales = guarded(problem.scales, "scales");
     GuardedBuffer code_vectors = guarded(problem.code_vectors, "code-vectors");
     GuardedBuffer best = guarded(infinity, "best");
@@ -266,16 +273,15 @@ TEST(SimilarCodeVector, SmallBuffersAreKept) {
                       is_short ? "similar_short_vector" : "similar_code_vector");
     if (is_short) {
       set_arguments(kernel, std::uint32_t{11}, std::uint32_t{11}, std::uint32_t{count},
-                    std::uint32_t{3}, c1, c2, centre, x.buffer(), means.buffer(),
-                    deviations.buffer(), scales.buffer(), code_vectors.buffer(), best.buffer(),
-                    index.buffer());
+                    std::uint32_t{3}, c1, centre, x.buffer(), means.buffer(), deviations.buffer(),
+                    scales.buffer(), code_vectors.buffer(), best.buffer(), index.buffer());
       ops::launch_items(device, kernel, 1);
     } else {
       set_arguments(kernel, std::uint64_t{4}, std::uint64_t{4},
                     static_cast<std::uint32_t>(similarity_outliers(values)), std::uint32_t{count},
-                    std::uint32_t{3}, c1, c2, centre, x.buffer(), means.buffer(),
-                    deviations.buffer(), scales.buffer(), code_vectors.buffer(), room.buffer(),
-                    best.buffer(), index.buffer());
+                    std::uint32_t{3}, c1, centre, x.buffer(), means.buffer(), deviations.buffer(),
+                    scales.buffer(), code_vectors.buffer(), room.buffer(), best.buffer(),
+                    index.buffer());
       ops::launch_items(device, kernel, lanes);
     }
     device.finish();

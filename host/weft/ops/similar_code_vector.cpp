@@ -85,7 +85,6 @@ std::vector<std::uint32_t> DeviceSimilarSearch::nearest(const ScaledVectors& vec
       std::max<std::size_t>(part_bytes / (row_floats() * sizeof(float)) / lanes, 1) * lanes;
   const SimilarityConstants constants = similarity_constants();
   const auto c1 = static_cast<float>(constants.c1);
-  const auto c2 = static_cast<float>(constants.c2);
   const auto centre = static_cast<float>(constants.centre);
   const cl_kernel kernel =
       device_.kernel(kernel_sources::similar_code_vector, vector_option(device_),
@@ -95,17 +94,24 @@ std::vector<std::uint32_t> DeviceSimilarSearch::nearest(const ScaledVectors& vec
   for (std::size_t first = 0; first < count; first += together) {
     const std::size_t here = std::min(together, count - first);
     const std::size_t whole = round_up(here, lanes);
-    const auto plane = [&](std::span<const float> rows, const char* what) {
+    // a plane of `rows`, each value as the kernel takes it
+    const auto plane = [&](std::span<const float> rows, const char* what, const auto& taken) {
       const std::span<const float> part = rows.subspan(first * values, here * values);
-      return upload(device_,
-                    is_short() ? interleaved(shape_, lanes, part) : padded(shape_, lanes, part),
-                    what);
+      std::vector<float> laid =
+          is_short() ? interleaved(shape_, lanes, part) : padded(shape_, lanes, part);
+      for (float& value : laid) value = taken(value);
+      return upload(device_, laid, what);
     };
     std::vector<float> scales(whole, 0.0f);
     std::copy_n(vectors.scales.begin() + static_cast<std::ptrdiff_t>(first), here, scales.begin());
-    const Buffer x = plane(vectors.rows, "vectors");
-    const Buffer means = plane(vectors.means, "means about their values");
-    const Buffer deviations = plane(vectors.deviations, "deviations about their values");
+    const Buffer x = plane(vectors.rows, "vectors", [](float x) { return x; });
+    const Buffer means = plane(vectors.means, "means about their values", [&](float mean) {
+      return static_cast<float>(2 * constants.centre * double{mean});
+    });
+    const Buffer deviations =
+        plane(vectors.deviations, "deviations about their values", [&](float deviation) {
+          return static_cast<float>(2 * double{deviation} * double{deviation} + constants.c2);
+        });
     const Buffer scale = upload(device_, scales, "scales of vectors");
     const Buffer best =
         upload(device_, std::vector<float>(whole, static_cast<float>(most)), "dissimilarities");
@@ -115,7 +121,7 @@ std::vector<std::uint32_t> DeviceSimilarSearch::nearest(const ScaledVectors& vec
       for (const Part& part : parts_) {
         set_arguments(kernel, static_cast<std::uint32_t>(shape_.luminances),
                       static_cast<std::uint32_t>(values), static_cast<std::uint32_t>(part.count),
-                      static_cast<std::uint32_t>(part.first), c1, c2, centre, x, means, deviations,
+                      static_cast<std::uint32_t>(part.first), c1, centre, x, means, deviations,
                       scale, part.rows, best, index);
         launch_items(device_, kernel, whole / lanes);
       }
@@ -125,7 +131,7 @@ std::vector<std::uint32_t> DeviceSimilarSearch::nearest(const ScaledVectors& vec
         set_arguments(
             kernel, ulong(round_up(shape_.luminances, lanes) / lanes), ulong(row_floats() / lanes),
             static_cast<std::uint32_t>(similarity_outliers(values)),
-            static_cast<std::uint32_t>(part.count), static_cast<std::uint32_t>(part.first), c1, c2,
+            static_cast<std::uint32_t>(part.count), static_cast<std::uint32_t>(part.first), c1,
             centre, x, means, deviations, scale, part.rows, room, best, index);
         launch_items(device_, kernel, here);
       }

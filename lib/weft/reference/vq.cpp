@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <numeric>
 #include <utility>
 
@@ -22,7 +23,7 @@ constexpr std::size_t batch = 64;
 constexpr double second_step = 2.5;
 
 // Bytes of a plane of texels that are read together with what is about them.
-constexpr std::size_t read_bytes = std::size_t{128} << 20;
+constexpr std::size_t read_bytes = std::size_t{64} << 20;
 
 // Van der Corput's sequence: the digits of i mirrored at the point.
 double radical_inverse(std::size_t i, std::size_t base) {
@@ -138,11 +139,11 @@ MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& j
   plan.add("texels for the code-books", training.texels.size() * measured * planes * sizeof(float));
   const std::size_t read = vq_read_block(source, request);
   if (structural) {
-    plan.add("texels that are read", read * measured * planes * sizeof(float));
+    plan.add("texels that are read", 2 * read * measured * planes * sizeof(float));
     plan.add("a block of texels", count * (measured * sizeof(float) + (planes + 2) * row));
   } else {
     plan.add("a block of texels",
-             count * (measured * (sizeof(double) + 2 * sizeof(float)) + 3 * row));
+             count * (measured * (sizeof(double) + 3 * sizeof(float)) + 3 * row));
   }
   // all of the texels, each on four levels, at most; half of the memory, where that is less
   plan.add("code-vectors", std::min(4 * training.texels.size() * row, job.memory / 2));
@@ -334,10 +335,17 @@ void VqFitter::assign(VqModel& model, const VqCodeBooks& books) {
   model.p6.scales.resize(texels);
   const std::size_t read_together = vq_read_block(info, request_);
   const std::size_t resampled_together = vq_block(info, request_);
-  Measured block;
+  const auto read_from = [&](std::size_t first) {
+    Measured block;
+    if (first < texels) read_block(first, std::min(read_together, texels - first), block);
+    return block;
+  };
+  // the next block is read while this one is searched for
+  std::future<Measured> next = std::async(std::launch::async, read_from, std::size_t{0});
   for (std::size_t first = 0; first < texels; first += read_together) {
-    const std::size_t count = std::min(read_together, texels - first);
-    read_block(first, count, block);
+    const Measured block = next.get();
+    const std::size_t count = block.texels;
+    next = std::async(std::launch::async, read_from, first + read_together);
     for (std::size_t begin = 0; begin < count; begin += resampled_together) {
       check_interrupt();
       const std::size_t here = std::min(resampled_together, count - begin);
