@@ -4,8 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "ops/matrices.hpp"
@@ -167,6 +169,137 @@ TEST(NearestCodeVector, DarkVectors) {
   }
   ops::DeviceNearestSearch search(shared_device());
   expect_nearest(problem, search);
+}
+
+// The kernels between guard zones: rows about the panel, values about the run, code-vectors about a
+// group and a block, packed in an order that is not theirs.
+TEST(NearestCodeVector, SmallBuffersAreKept) {
+  Device& device = shared_device();
+  const std::size_t lanes = ops::panel_width(device);
+  const std::size_t group = ops::vector_width(device) == 16 ? 8 : 4;
+  const std::size_t block = 8 * group;
+  const std::string options = ops::vector_option(device);
+  const auto kernel = [&](const char* name) {
+    return device.kernel(kernel_sources::nearest_code_vector, options, name);
+  };
+  const auto word = [](std::size_t size) { return static_cast<std::uint32_t>(size); };
+  for (const std::size_t values : Sizes{1, 15, 17, 255, 256, 257}) {
+    if (is_simulator(device) && values > 17) continue;
+    for (const std::size_t count : Sizes{1, block - 1, block, block + 1}) {
+      if (is_simulator(device) && count < block && count > 1) continue;
+      const std::size_t luminances = values - values / 3;
+      const std::size_t vectors = count % 2 == 0 ? lanes : lanes - 1;
+      const Problem problem = random_problem({luminances, values / 3}, vectors, count, values);
+      const auto packed_rows = [&](const std::vector<float>& rows, const std::vector<float>& scales,
+                                   std::size_t width, GuardedBuffer& packed) {
+        const std::size_t here = rows.size() / values;
+        std::vector<std::uint32_t> reversed(here);
+        for (std::size_t i = 0; i < here; ++i) reversed[i] = word(here - 1 - i);
+        std::vector<float> in_order(scales.rbegin(), scales.rend());
+        GuardedBuffer raw(device, std::span<const float>(rows), "rows");
+        GuardedBuffer factors(device, std::span<const float>(in_order), "scales");
+        GuardedBuffer numbers(device, std::span<const std::uint32_t>(reversed), "numbers");
+        set_arguments(kernel("pack_vectors"), std::uint64_t{luminances}, std::uint64_t{values},
+                      std::uint64_t{here}, std::uint64_t{width}, std::uint32_t{1}, raw.buffer(),
+                      factors.buffer(), numbers.buffer(), packed.buffer());
+        ops::launch_items(device, kernel("pack_vectors"), ops::ceil_div(values, 256),
+                          ops::ceil_div(here, width));
+        for (GuardedBuffer* buffer : {&raw, &factors, &numbers, &packed}) {
+          EXPECT_TRUE(buffer->intact());
+        }
+      };
+      // vectors, in the reverse order, padded with zeros
+      GuardedBuffer packed(device, lanes * values * sizeof(float), "vectors");
+      packed_rows(problem.rows, problem.scales, lanes, packed);
+      const std::vector<float> laid = packed.values<float>();
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        for (std::size_t k = 0; k < values; ++k) {
+          const std::size_t i = vectors - 1 - lane;
+          const float x = lane < vectors ? problem.rows[i * values + k] : 0;
+          const float scale = lane < vectors ? problem.scales[i] : 0;
+          EXPECT_FLOAT_EQ(laid[k * lanes + lane], k < luminances ? scale * (x - scale) : x);
+        }
+      }
+      // half the squares of code-vectors
+      const std::vector<float> ones(count, 1.0F);
+      GuardedBuffer rows(device, std::span<const float>(problem.code_vectors), "code-vectors");
+      GuardedBuffer squares(device, 2 * count * sizeof(float), "squares");
+      GuardedBuffer unit(device, std::span<const float>(ones), "ones");
+      set_arguments(kernel("half_squares"), std::uint64_t{luminances}, std::uint64_t{values},
+                    std::uint32_t{0}, rows.buffer(), unit.buffer(), squares.buffer());
+      ops::launch_items(device, kernel("half_squares"), count);
+      EXPECT_TRUE(rows.intact());
+      EXPECT_TRUE(squares.intact());
+      const std::vector<float> halves = squares.values<float>();
+      for (std::size_t j = 0; j < count; ++j) {
+        std::array<double, 2> expected{};
+        for (std::size_t k = 0; k < values; ++k) {
+          const double x = problem.code_vectors[j * values + k] - (k < luminances ? 1.0 : 0.0);
+          expected[k < luminances ? 0 : 1] += 0.5 * x * x;
+        }
+        for (std::size_t part = 0; part < 2; ++part) {
+          // of differences that are rounded once, squares and sums of at most a run
+          EXPECT_NEAR(
+              halves[2 * j + part], expected[part],
+              gamma(static_cast<double>(values) + 4, float_roundoff) * (expected[part] + 1));
+        }
+      }
+      // the search, in the order of the numbers
+      const std::size_t groups = ops::ceil_div(count, group);
+      GuardedBuffer code_vectors(device, groups * group * values * sizeof(float), "packed");
+      packed_rows(problem.code_vectors, ones, group, code_vectors);
+      std::vector<float> padded(groups * group * 2, 1e30F);
+      std::vector<std::uint32_t> numbers(groups * group, 0);
+      for (std::size_t j = 0; j < count; ++j) {
+        numbers[j] = word(count - 1 - j);
+        std::copy_n(halves.begin() + static_cast<std::ptrdiff_t>(2 * (count - 1 - j)), 2,
+                    padded.begin() + static_cast<std::ptrdiff_t>(2 * j));
+      }
+      std::vector<float> scales(problem.scales.rbegin(), problem.scales.rend());
+      scales.resize(lanes, 0);
+      const auto guarded = [&](const auto& contents, const char* what) {
+        return GuardedBuffer(device, std::span(contents), what);
+      };
+      GuardedBuffer padded_squares = guarded(padded, "squares");
+      GuardedBuffer order = guarded(numbers, "numbers");
+      GuardedBuffer factors = guarded(scales, "scales");
+      const std::vector<float> nothing(2 * lanes, 0.0F);
+      GuardedBuffer norms = guarded(nothing, "norms");
+      const std::vector<std::uint32_t> zero{0};
+      GuardedBuffer start = guarded(zero, "start");
+      const std::vector<float> none(8, 0.0F);
+      GuardedBuffer ranges = guarded(none, "ranges");
+      const std::vector<float> worst(lanes, -std::numeric_limits<float>::infinity());
+      GuardedBuffer best = guarded(worst, "best");
+      const std::vector<std::uint32_t> first(lanes, 0);
+      GuardedBuffer index = guarded(first, "index");
+      set_arguments(kernel("nearest_code_vector"), std::uint64_t{values}, std::uint64_t{groups},
+                    std::uint32_t{100}, std::uint32_t{0}, packed.buffer(), factors.buffer(),
+                    norms.buffer(), start.buffer(), code_vectors.buffer(), padded_squares.buffer(),
+                    order.buffer(), ranges.buffer(), best.buffer(), index.buffer());
+      ops::launch_items(device, kernel("nearest_code_vector"), 1);
+      for (GuardedBuffer* buffer : {&packed, &factors, &norms, &start, &code_vectors,
+                                    &padded_squares, &order, &ranges, &best, &index}) {
+        EXPECT_TRUE(buffer->intact());
+      }
+      const std::vector<std::uint32_t> found = index.values<std::uint32_t>();
+      const std::vector<std::uint32_t> expected = reference::nearest_code_vectors(
+          problem.shape, {problem.rows, problem.scales}, problem.code_vectors);
+      for (std::size_t lane = 0; lane < vectors; ++lane) {
+        const std::size_t i = vectors - 1 - lane;
+        ASSERT_GE(found[lane], 100U);
+        ASSERT_LT(found[lane], 100U + count);
+        const auto distance = [&](std::uint32_t j) {
+          return reference::code_vector_distance(
+              problem.shape, problem.rows.data() + i * values, problem.scales[i],
+              problem.code_vectors.data() + j * values, any_distance);
+        };
+        const double n = static_cast<double>(values);
+        EXPECT_LE(distance(found[lane] - 100),
+                  distance(expected[i]) + 16 * n * gamma(n + 4, float_roundoff));
+      }
+    }
+  }
 }
 
 }  // namespace
