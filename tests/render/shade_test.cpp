@@ -174,8 +174,9 @@ TEST(Shade, ModelsWithAGridOfViews) {
 TEST(Shade, SmallModelsOfAllDirections) {
   const OnionSizes sizes{4, 3, 3, 4};
   const bool simulated = is_simulator(shared_device());
+  constexpr std::size_t side = 4;
   auto random = std::make_shared<VqModel>(
-      random_vq({7, 8, 4, 4, 3}, {VqGrid::Kind::onion, sizes}, small_sizes, simulated ? 5U : 6U));
+      random_vq({7, 8, side, side, 3}, {VqGrid::Kind::onion, sizes}, small_sizes, 6));
   for (const Quantity quantity : {Quantity::radiance, Quantity::brdf}) {
     random->info.btf.quantity = quantity;
     const std::shared_ptr<const Model> model = random;
@@ -188,13 +189,13 @@ TEST(Shade, SmallModelsOfAllDirections) {
     for (std::size_t i = 0; i < batch.points.size(); ++i) {
       const ShadingPoint& point = batch.points[i];
       const LightSample& light = batch.lights[i];
-      const TexelTaps taps = texel_taps(point.uv, 4, 4);
+      const TexelTaps taps = texel_taps(point.uv, side, side);
       std::array<double, 4> sum{0, 0, 0, 1};
       const double cosine = std::max(double{light.direction[2]}, 0.0);
       const double factor = quantity == Quantity::brdf ? cosine : cosine > 0 ? 1 : 0;
       for (std::size_t t = 0; t < 4; ++t) {
-        model->fitted_texel_at(point.view, light.direction, taps.texel[t] / 4, taps.texel[t] % 4,
-                               values);
+        model->fitted_texel_at(point.view, light.direction, taps.texel[t] / side,
+                               taps.texel[t] % side, values);
         for (std::size_t c = 0; c < 3; ++c) {
           sum[c] += double{taps.weight[t]} * values[c] * factor * double{light.irradiance[c]};
         }
