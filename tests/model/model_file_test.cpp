@@ -183,8 +183,8 @@ TEST(ModelFile, BytesOfATinyOne) {
 }
 
 TEST(ModelFile, RefusesOtherVersionsAndOtherFiles) {
-  expect_edit_refused({"weft.format 4", "1.2.3", "reads 1 to 3"},
-                      [](EditableModel& m) { m.metadata()["weft.format"] = "4"; });
+  expect_edit_refused({"weft.format 5", "1.2.3", "reads 1 to 4"},
+                      [](EditableModel& m) { m.metadata()["weft.format"] = "5"; });
   expect_edit_refused({"weft.format", "new"},
                       [](EditableModel& m) { m.metadata()["weft.format"] = "new"; });
   expect_edit_refused({"weft.format"}, [](EditableModel& m) { m.metadata().erase("weft.format"); });

@@ -12,6 +12,7 @@
 
 #include "btf_report.hpp"
 #include "common.hpp"
+#include "compress_options.hpp"
 #include "job_report.hpp"
 #include "occlusion_options.hpp"
 #include "report.hpp"
@@ -28,27 +29,6 @@
 
 namespace weft {
 namespace {
-
-struct CompressOptions {
-  std::string input;
-  std::string output;
-  std::string codec = "pca";
-  Parameters parameters;
-  std::string target;
-  std::string prefer;   // size where nothing is given
-  std::string storage;  // f16 where nothing is given
-  TransformOptions transform;
-  std::string nan = "error";
-  std::uint64_t seed = 0;
-  double peak = 0;  // 0: by the data's type
-  bool ssim = false;
-  std::string weights;
-  bool log_error = false;
-  OcclusionOptions occlusion;
-  SelectionOptions selection;
-  DeviceOptions device;
-  OutputOptions report;
-};
 
 void add_goal_fields(Report& report, const Goal& goal, const CompressResult& result) {
   report.add("target", goal.text);
@@ -86,14 +66,14 @@ void add_choice_fields(Report& report, const CodecChoice& choice, Preference pre
 
 void run_compress(const CompressOptions& options) {
   using Clock = std::chrono::steady_clock;
+  if (makes_data_base(options)) {
+    run_compress_base(options);
+    return;
+  }
   // Everything that can be wrong with the request is found before any work.
-  if (output_kind(options.output) != OutputKind::model) {
-    fail_input("--output: '{}' does not end in .weft", options.output);
-  }
-  const std::filesystem::path folder = std::filesystem::absolute(options.output).parent_path();
-  if (!std::filesystem::is_directory(folder)) {
-    fail_input("--output: '{}': there is no folder '{}'", options.output, folder.string());
-  }
+  if (options.output.empty()) fail_input("--output is required");
+  check_model_output(options.output, "--output");
+  const std::string& input_file = options.inputs.front();
   if (!std::isfinite(options.peak)) fail_input("--peak {}: not a number", options.peak);
   // null where the goal chooses it
   const Codec* const codec = options.codec == "auto" ? nullptr : &find_codec(options.codec);
@@ -114,18 +94,18 @@ void run_compress(const CompressOptions& options) {
   std::unique_ptr<Device> device;
   std::shared_ptr<const Model> given;
   std::shared_ptr<TileSource> input;
-  if (codec && codec->name() == "tt" && ModelFile::looks_like(options.input)) {
-    given = read_model(options.input);
+  if (codec && codec->name() == "tt" && ModelFile::looks_like(input_file)) {
+    given = read_model(input_file);
     device = open_device(options.device, options.report);
     input = decoded_source(device.get(), given);
   } else {
-    input = open_raw_btf(options.input);
+    input = open_raw_btf(input_file);
   }
   const auto train = std::dynamic_pointer_cast<const TtModel>(given);
   RecordedSelection selection = make_selection(options.selection, input->info());
   if (given && (!train || !selection.selects_all())) {
     fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
-               options.input, given->info.codec);
+               input_file, given->info.codec);
   }
   Weights weights;
   if (!options.weights.empty()) {
@@ -196,7 +176,7 @@ void run_compress(const CompressOptions& options) {
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
 
   Report report;
-  report.add("input", options.input);
+  report.add("input", input_file);
   report.add("output", options.output);
   report.add("codec", model->info.codec);
   report.add("parameters", json_cell(model->info.parameters));
@@ -210,7 +190,7 @@ void run_compress(const CompressOptions& options) {
   report.add("file_size", bytes_cell(size));
   report.add("ratio", static_cast<double>(source->info().bytes()) / static_cast<double>(size));
   add_occlusion_section(report, model->info);
-  if (train) report.add("errors_against", options.input);
+  if (train) report.add("errors_against", input_file);
   Report& errors = report.section("errors");
   add_error_fields(errors, result.errors);
   if (result.errors.weighted) {
@@ -230,18 +210,41 @@ void run_compress(const CompressOptions& options) {
 
 }  // namespace
 
+void check_model_output(const std::string& output, const char* option) {
+  if (output_kind(output) != OutputKind::model) {
+    fail_input("{}: '{}' does not end in .weft", option, output);
+  }
+  const std::filesystem::path folder = std::filesystem::absolute(output).parent_path();
+  if (!std::filesystem::is_directory(folder)) {
+    fail_input("{}: '{}': there is no folder '{}'", option, output, folder.string());
+  }
+}
+
 void add_compress(CLI::App& program, Action& action) {
   auto options = std::make_shared<CompressOptions>();
   CLI::App* command = program.add_subcommand("compress", "Compress a raw BTF into a model");
   command
-      ->add_option("INPUT", options->input,
-                   "Raw BTF: .safetensors, or .npy with a .json of directions beside it; or "
+      ->add_option("INPUT", options->inputs,
+                   "Raw BTF: .safetensors, or .npy with a .json of directions beside it; several "
+                   "with --codec vq, materials of one data base; or "
                    "with --codec tt a model of it, which is cut further")
       ->required()
       ->type_name("");
   command->add_option("-o,--output", options->output, "Model to write: NAME.weft")
-      ->required()
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->default_str("");
+  command
+      ->add_option("--into", options->into,
+                   "Of --codec vq: the data base, or model, to which the inputs are added as "
+                   "materials; it is replaced where no --output is given")
+      ->type_name("FILE")
+      ->default_str("");
+  command
+      ->add_option("--names", options->names,
+                   "Names of the inputs as materials of a data base, as wool,cord; those of the "
+                   "files without")
+      ->type_name("NAMES")
+      ->default_str("");
   std::string names;
   for (const Codec* codec : codecs()) {
     names += fmt::format("{}{} ({})", names.empty() ? "" : "; ", codec->name(), codec->summary());
@@ -339,6 +342,8 @@ void add_compress(CLI::App& program, Action& action) {
       "cloth.weft\n"
       "  weft compress cloth.safetensors --codec tt --target rel=0.1 -o train.weft\n"
       "  weft compress train.weft --codec tt --target rel=0.2 -o shorter.weft\n"
+      "  weft compress wool.safetensors cord.safetensors --codec vq --levels 4 -o base.weft\n"
+      "  weft compress felt.safetensors --codec vq --into base.weft\n"
       "  weft compress knit.npy --device reference --json -o knit.weft");
   command->callback([options, &action] { action = [options] { run_compress(*options); }; });
 }

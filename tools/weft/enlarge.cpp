@@ -50,7 +50,7 @@ void run_enlarge(const EnlargeOptions& options) {
   request.seed = options.seed;
   const std::unique_ptr<VqModel> large = reference::enlarge(*vq, request);
   large->info.program_version = version();
-  const std::size_t before = std::filesystem::file_size(options.model);
+  const std::size_t before = ModelFile(options.model).size();
   const std::size_t size = write_model(options.output, *large);
 
   Report report;

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -21,8 +22,10 @@
 #include "weft/error.hpp"
 #include "weft/io/raw_btf.hpp"
 #include "weft/io/safetensors.hpp"
+#include "weft/model/material_file.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/storage.hpp"
+#include "weft/model/vq_base.hpp"
 #include "weft/reference/light_sampler.hpp"
 #include "weft/reference/lookup.hpp"
 
@@ -47,6 +50,57 @@ void add_tensor_table(Report& report, const SafetensorsFile& file) {
                     Cell{format_bytes(tensor.bytes()), std::to_string(tensor.bytes()), true}});
   }
   report.table("tensors", {"tensor", "dtype", "shape", "bytes"}, std::move(rows));
+}
+
+// The materials of a data base, what is theirs and what they share.
+void describe_base(Report& report, const std::filesystem::path& path) {
+  const VqBase base = VqBase::read(path);
+  const VqModel::Sizes& s = base.books.sizes;
+  const OnionSizes& n = base.books.grid.sizes;
+  report.add("kind", "data base");
+  report.add("codec", base.books.info.codec);
+  report.add("storage", storage_text(base.books.info));
+  report.add("grid", base.books.grid.kind == VqGrid::Kind::onion ? "onion" : "measured");
+  report.add("slices", fmt::format("{},{},{},{}", n.alpha, n.beta, n.theta, n.phi));
+  Report& books = report.section("code_books");
+  for (const auto& [name, size] :
+       std::initializer_list<std::pair<const char*, std::size_t>>{{"P1", s.p1},
+                                                                  {"P2", s.p2},
+                                                                  {"M", s.m},
+                                                                  {"P3", s.p3},
+                                                                  {"P4", s.p4},
+                                                                  {"C", s.c},
+                                                                  {"I1", s.i1},
+                                                                  {"I2", s.i2}}) {
+    books.add(name, size);
+  }
+  const VqBaseBytes bytes = vq_base_bytes(base);
+  std::size_t raw = 0;
+  std::vector<std::vector<Cell>> rows;
+  for (std::size_t i = 0; i < base.materials.size(); ++i) {
+    const ModelInfo& info = base.materials[i].index.info;
+    const BtfShape& shape = info.btf.shape;
+    raw += info.btf.bytes();
+    rows.push_back({text_cell(base.materials[i].name),
+                    json_cell(fmt::format("[{},{},{},{},{}]", shape.views, shape.lights,
+                                          shape.height, shape.width, shape.channels)),
+                    count_cell(base.materials[i].index.coarser.size() + 1),
+                    bytes_cell(info.btf.bytes()), bytes_cell(bytes.own[i]),
+                    number_cell(info.errors ? info.errors->snr : std::nan(""), "dB")});
+  }
+  const auto size = static_cast<std::size_t>(std::filesystem::file_size(path));
+  report.add("raw_size", bytes_cell(raw));
+  report.add("file_size", bytes_cell(size));
+  report.add("shared_size", bytes_cell(bytes.shared));
+  report.add("ratio", static_cast<double>(raw) / static_cast<double>(size));
+  report.add("checksums", "verified");
+  report.table("materials", {"name", "shape", "levels", "raw_size", "own_size", "snr"},
+               std::move(rows));
+}
+
+// Whether a path is that of a data base, and not of a material in it.
+bool names_base(const std::filesystem::path& path) {
+  return material_path(path).name.empty() && !read_materials(SafetensorsFile(path)).empty();
 }
 
 void describe_model(Report& report, const std::filesystem::path& path, bool albedo) {
@@ -101,7 +155,12 @@ void run_info(const InfoOptions& options) {
     Report description;
     description.add("file", name);
     try {
-      if (ModelFile::looks_like(path)) {
+      if (ModelFile::looks_like(path) && names_base(path)) {
+        if (options.albedo) {
+          fail_input("--albedo: of a material; name one, as {}:NAME", path.string());
+        }
+        describe_base(description, path);
+      } else if (ModelFile::looks_like(path)) {
         describe_model(description, path, options.albedo);
       } else {
         describe_raw(description, path, options.albedo);
@@ -148,6 +207,7 @@ void add_info(CLI::App& program, Action& action) {
       "Examples:\n"
       "  weft info cloth.safetensors\n"
       "  weft info cloth.weft other.weft\n"
+      "  weft info base.weft base.weft:wool    (a data base, and a material in it)\n"
       "  weft info --albedo cloth.weft\n"
       "  weft info --json cloth.weft");
   command->callback([options, &action] { action = [options] { run_info(*options); }; });

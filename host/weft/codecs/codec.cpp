@@ -185,10 +185,15 @@ std::unique_ptr<Model> Codec::next_mip_level(const Model& model) const {
         std::move(next),
         std::vector<std::size_t>(part->channels().begin(), part->channels().end()));
   }
-  if (!model.info.colour_transform.is_linear()) return nullptr;
+  if (!holds_mip_level(model) && !model.info.colour_transform.is_linear()) return nullptr;
   std::unique_ptr<Model> next = fitted_mip_level(model);
   if (next) next->info.occlusion = nullptr;
   return next;
+}
+
+bool Codec::holds_mip_level(const Model& model) const {
+  const ChannelPart* part = as_part(model);
+  return has_fitted_mip_level(part ? part->whole() : model);
 }
 
 double Codec::decode_tolerance(const Model& model) const {
@@ -209,6 +214,11 @@ std::unique_ptr<LightSampler> Codec::fitted_light_sampler(Device* /*device*/,
 std::unique_ptr<Model> Codec::fitted_mip_level(const Model& model) const {
   (void)model;
   return nullptr;
+}
+
+bool Codec::has_fitted_mip_level(const Model& model) const {
+  (void)model;
+  return false;
 }
 
 // A fitted value is a sum of n >= 1 terms, whose bound is gamma_n times their magnitude. Weights

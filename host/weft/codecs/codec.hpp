@@ -131,9 +131,12 @@ class Codec {
   std::unique_ptr<LightSampler> slice_light_sampler(Device* device, const Model& model) const;
 
   // The model of the next mip level of a model of more than one texel, where averaging 2 x 2 texels
-  // is exact in the model itself, as it needs a linear encoding and colour transform; else null:
-  // levels are then taken of decoded images. A model of the mask is left out.
+  // is exact in the model itself, as it needs a linear encoding and colour transform, or where the
+  // model holds it; else null: levels are then taken of decoded images. A model of the mask is left
+  // out.
   std::unique_ptr<Model> next_mip_level(const Model& model) const;
+  // Whether the model holds the next level as it was fitted to the averages.
+  bool holds_mip_level(const Model& model) const;
 
   // Bound of |device - reference| for one decoded value, from the lengths and magnitudes of the
   // sums behind it: the unit of `weft verify`.
@@ -161,6 +164,8 @@ class Codec {
                                                              const Model& model) const;
   // None, unless the codec can.
   virtual std::unique_ptr<Model> fitted_mip_level(const Model& model) const;
+  // Not, unless the codec's models do.
+  virtual bool has_fitted_mip_level(const Model& model) const;
   // At least the rounding of a value to float: 2^-24 of the largest magnitude.
   virtual double fitted_tolerance(const Model& model) const = 0;
 

@@ -39,6 +39,9 @@ class TransformedSource final : public TileSource {
  public:
   TransformedSource(TileSource& source, ColourTransform transform, bool nan_zero);
 
+  TileSource& original() const { return source_; }
+  const ColourTransform& transform() const { return transform_; }
+
   const BtfInfo& info() const override { return info_; }
   void read(std::size_t first, std::size_t count, std::span<std::byte> out) override;
   bool read_part(std::size_t image, std::size_t first, std::size_t count,

@@ -78,7 +78,6 @@ class Prepared {
   TileSource& source() const { return source_; }
   TileSource& fitted() const { return *fitted_; }
   bool is_source() const { return fitted_ == &source_; }
-  const ColourTransform& transform() const { return transform_; }
   // What encoders round to: weights are divided out of what is not rounded yet.
   Storage encoded_storage() const { return weighted_ ? Storage::f32 : request_.storage.fitted(); }
 
@@ -156,6 +155,17 @@ MeasuredModel measure(Device* device, TileSource& source, const CompressRequest&
     measured.lowest_ssim = similarity.sums.lowest;
   }
   return measured;
+}
+
+// On a logarithmic scale too, where that is asked for or what was fitted.
+void add_log_errors(Device* device, TileSource& source, const CompressRequest& request,
+                    const Model& model, Job& job, ErrorReport& errors) {
+  const ColourTransform& transform = model.info.colour_transform;
+  if (!request.log_error && transform.is_linear()) return;
+  LogErrorRequest log;
+  log.scale = transform.is_linear() ? mean_magnitude(source, job) : transform.scale;
+  measure_log_errors(device, model, source, log, job);
+  errors.log = report(log.sums, log.scale);
 }
 
 // Bytes of a number, about: with steps as coarse as a size makes them, few.
@@ -251,6 +261,13 @@ GoalResult meet(Device* device, const Prepared& prepared, const CompressRequest&
 
 }  // namespace
 
+MeasuredModel measure_model(Device* device, TileSource& source, const CompressRequest& request,
+                            const Model& model, Job& job) {
+  MeasuredModel measured = measure(device, source, request, model, job);
+  add_log_errors(device, source, request, model, job, measured.errors);
+  return measured;
+}
+
 void check_parameters(const Codec& codec, const Parameters& parameters) {
   const auto specs = codec.parameters();
   for (const auto& given : parameters) {
@@ -293,15 +310,9 @@ CompressResult compress(Device* device, TileSource& source, const CompressReques
     result.encode_seconds = seconds_since(start);
     measured = measure(device, source, request, *result.model, job);
   }
+  add_log_errors(device, source, request, *result.model, job, measured.errors);
   result.errors = measured.errors;
   result.lowest_ssim = measured.lowest_ssim;
-  const ColourTransform& transform = prepared.transform();
-  if (request.log_error || !transform.is_linear()) {
-    LogErrorRequest log;
-    log.scale = transform.is_linear() ? mean_magnitude(source, job) : transform.scale;
-    measure_log_errors(device, *result.model, source, log, job);
-    result.errors.log = report(log.sums, log.scale);
-  }
   if (!request.train) result.model->info.errors = result.errors;
   return result;
 }

@@ -10,6 +10,7 @@
 #include "weft/codecs/codec.hpp"
 #include "weft/codecs/colour_source.hpp"
 #include "weft/codecs/goal.hpp"
+#include "weft/codecs/meet_goal.hpp"
 #include "weft/metrics/error_sums.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/model/tt.hpp"
@@ -60,6 +61,10 @@ struct CompressResult {
 // codec does not have or that make no sense, what the codec's encoder throws, and an unmet goal.
 CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
                         Job& job);
+
+// Errors of a model, as it is stored, against the source, in what the request asks for.
+MeasuredModel measure_model(Device* device, TileSource& source, const CompressRequest& request,
+                            const Model& model, Job& job);
 
 // Throws the input error for parameters that are not the codec's.
 void check_parameters(const Codec& codec, const Parameters& parameters);

@@ -10,12 +10,15 @@
 #include <string_view>
 #include <utility>
 
+#include "weft/btf/mip.hpp"
 #include "weft/codecs/fit_goal.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/vq_decoder.hpp"
 #include "weft/codecs/vq_engine.hpp"
 #include "weft/codecs/vq_goal.hpp"
+#include "weft/codecs/vq_levels.hpp"
 #include "weft/error.hpp"
+#include "weft/model/model_file.hpp"
 #include "weft/model/storage.hpp"
 #include "weft/reference/vq.hpp"
 #include "weft/reference/vq_light_sampler.hpp"
@@ -26,7 +29,7 @@ namespace {
 // From so many views and lights on, onion slices are what is between them.
 constexpr std::size_t least_directions = 16;
 
-constexpr std::array<ParameterSpec, 5> vq_parameters{{
+constexpr std::array<ParameterSpec, 6> vq_parameters{{
     {"threshold", "0.1",
      "how far a texel may be from its code-vector: largest root mean square of differences, as a "
      "part of the data's; with --similarity ssim, the 1 - SSIM that 98 % of its values keep to, "
@@ -43,6 +46,9 @@ constexpr std::array<ParameterSpec, 5> vq_parameters{{
     {"samples", "1,4",
      "percent of the texels that code-books begin with, and that complete them; at least 256 and "
      "768 texels, at most 1024 and 3072"},
+    {"levels", "1",
+     "mip levels that are kept, the texels themselves the first of them, each with indices of its "
+     "own; or all, down to one texel"},
 }};
 
 // The threshold of --similarity ssim, where none is given.
@@ -129,7 +135,20 @@ VqGrid grid_of(const Parameters& parameters, const BtfInfo& source) {
   return {VqGrid::Kind::onion, sizes};
 }
 
-VqRequest request_of(const Parameters& parameters, const BtfInfo& source) {
+std::size_t levels_of(const Parameters& parameters, const BtfShape& shape) {
+  const std::string_view text = text_of(parameters, "levels");
+  const std::size_t most = last_mip_level(shape.height, shape.width) + 1;
+  if (text == "all") return most;
+  const std::size_t levels = count_parameter(vq_codec(), parameters, "levels", 1);
+  if (levels > most) {
+    fail_input("--levels {}: {} x {} texels have {}", levels, shape.width, shape.height, most);
+  }
+  return levels;
+}
+
+}  // namespace
+
+VqRequest vq_request(const Parameters& parameters, const BtfInfo& source) {
   VqRequest request;
   request.similarity = similarity_of(parameters);
   const bool own = !parameters.contains("threshold") && request.similarity == VqSimilarity::ssim;
@@ -140,8 +159,27 @@ VqRequest request_of(const Parameters& parameters, const BtfInfo& source) {
   const std::vector<double> samples = numbers_of(parameters, "samples", 2, 100);
   request.first_part = samples[0] / 100;
   request.second_part = (samples.size() > 1 ? samples[1] : 4 * samples[0]) / 100;
+  request.levels = levels_of(parameters, source.shape);
   return request;
 }
+
+std::string vq_parameters_json(const VqModel& model, const VqRequest& request,
+                               const VqThresholds& t) {
+  const OnionSizes& n = model.grid.sizes;
+  const VqModel::Sizes& s = model.sizes;
+  return fmt::format(
+      R"({{"threshold":[{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}],)"
+      R"("similarity":"{}","grid":"{}",)"
+      R"("slices":[{},{},{},{}],"samples":[{:.6g},{:.6g}],"levels":{},"sizes":{{"P4":{},"P3":{},)"
+      R"("M":{},"P2":{},"P1":{},"I2":{},"I1":{},"C":{}}}}})",
+      t.p4, t.p3, t.m, t.p2, t.p1, t.i2, t.i1, t.c,
+      request.similarity == VqSimilarity::ssim ? "ssim" : "mse",
+      model.grid.kind == VqGrid::Kind::onion ? "onion" : "measured", n.alpha, n.beta, n.theta,
+      n.phi, 100 * request.first_part, 100 * request.second_part, request.levels, s.p4, s.p3, s.m,
+      s.p2, s.p1, s.i2, s.i1, s.c);
+}
+
+namespace {
 
 class VqCodec final : public Codec {
  public:
@@ -162,20 +200,27 @@ class VqCodec final : public Codec {
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    const VqRequest request = request_of(parameters, source.info());
-    job.plan(plan_device_vq(device, source.info(), request, job));
-    const std::unique_ptr<VqEngine> engine = device_vq_engine(device, source.info(), request);
-    return fit(source, *engine, request, parameters, storage, job, [&](const VqModel& model) {
+    const VqRequest request = vq_request(parameters, source.info());
+    const VqLevels levels(source, request.levels, job.nan_zero);
+    const std::size_t trained = vq_trained(levels.sources(), request);
+    job.plan(plan_device_vq(device, source.info(), request, trained, job));
+    const MakeVqEngine engine = [&](const BtfInfo& info) {
+      return device_vq_engine(device, info, request);
+    };
+    return fit(levels, engine, request, parameters, storage, job, [&](const VqModel& model) {
       return measure_errors(device, *vq_decoder(device, model), source, job);
     });
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    const VqRequest request = request_of(parameters, source.info());
-    job.plan(plan_vq(source.info(), request, job));
-    const std::unique_ptr<VqEngine> engine = reference::vq_engine(source.info(), request);
-    return fit(source, *engine, request, parameters, storage, job, [&](const VqModel& model) {
+    const VqRequest request = vq_request(parameters, source.info());
+    const VqLevels levels(source, request.levels, job.nan_zero);
+    job.plan(plan_vq(source.info(), request, vq_trained(levels.sources(), request), job));
+    const MakeVqEngine engine = [&](const BtfInfo& info) {
+      return reference::vq_engine(info, request);
+    };
+    return fit(levels, engine, request, parameters, storage, job, [&](const VqModel& model) {
       return measure_errors(*vq_reference_decoder(model), source, job);
     });
   }
@@ -214,20 +259,33 @@ class VqCodec final : public Codec {
 
   std::unique_ptr<Model> read(const ModelFile& file) const override { return VqModel::read(file); }
 
+  std::unique_ptr<Model> fitted_mip_level(const Model& model) const override {
+    return as_vq(model).next_mip_level();
+  }
+  bool has_fitted_mip_level(const Model& model) const override {
+    return !as_vq(model).coarser.empty();
+  }
+
  private:
   using Measure = std::function<ErrorSums(const VqModel& model)>;
 
-  std::unique_ptr<Model> fit(TileSource& source, VqEngine& engine, const VqRequest& request,
-                             const Parameters& parameters, Storage storage, Job& job,
-                             const Measure& measure) const {
-    VqFitter fitter(source, engine, request, job);
-    const FitGoal goal = fit_goal(parameters, source.info());
+  std::unique_ptr<Model> fit(const VqLevels& levels, const MakeVqEngine& engine,
+                             const VqRequest& request, const Parameters& parameters,
+                             Storage storage, Job& job, const Measure& measure) const {
+    VqJointFit joint(levels.sources(), engine, request, job);
+    const BtfInfo& source = levels.sources().front()->info();
+    const FitGoal goal = fit_goal(parameters, source);
     std::size_t trained = 0;
     const auto fit_with = [&](const VqThresholds& thresholds) {
-      VqFit result = fitter.fit(thresholds);
+      VqFit result = joint.fit(thresholds);
       trained = result.trained;
-      describe(*result.model, source.info(), request, thresholds, storage);
-      round_to_storage(*result.model);
+      VqModel& model = *result.model;
+      levels.take(result.indices, 0, model);
+      model.info.codec = name();
+      model.info.storage = storage;
+      model.info.btf = source;
+      model.info.parameters = vq_parameters_json(model, request, thresholds);
+      round_to_storage(model);
       return std::move(result.model);
     };
     std::unique_ptr<VqModel> model;
@@ -254,26 +312,15 @@ class VqCodec final : public Codec {
         n.phi, n.theta, n.alpha, n.beta,
         model->grid.kind == VqGrid::Kind::onion ? "onion slices" : "measured directions", trained,
         s.p4, s.p3, s.m, s.p2, s.p1, s.i2, s.i1, s.c));
+    if (request.levels > 1) {
+      VqModel finest(*model);
+      finest.coarser.clear();
+      const std::size_t bytes = model_file_size(*finest.select({}));
+      job.notes.push_back(fmt::format(
+          "{} mip levels: {:.4g} times the {} bytes of the texels alone", request.levels,
+          static_cast<double>(model_file_size(*model)) / static_cast<double>(bytes), bytes));
+    }
     return model;
-  }
-
-  void describe(VqModel& model, const BtfInfo& source, const VqRequest& request,
-                const VqThresholds& t, Storage storage) const {
-    const OnionSizes& n = model.grid.sizes;
-    const VqModel::Sizes& s = model.sizes;
-    model.info.codec = name();
-    model.info.storage = storage;
-    model.info.btf = source;
-    model.info.parameters = fmt::format(
-        R"({{"threshold":[{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g}],)"
-        R"("similarity":"{}","grid":"{}",)"
-        R"("slices":[{},{},{},{}],"samples":[{:.6g},{:.6g}],"sizes":{{"P4":{},"P3":{},"M":{},)"
-        R"("P2":{},"P1":{},"I2":{},"I1":{},"C":{}}}}})",
-        t.p4, t.p3, t.m, t.p2, t.p1, t.i2, t.i1, t.c,
-        request.similarity == VqSimilarity::ssim ? "ssim" : "mse",
-        model.grid.kind == VqGrid::Kind::onion ? "onion" : "measured", n.alpha, n.beta, n.theta,
-        n.phi, 100 * request.first_part, 100 * request.second_part, s.p4, s.p3, s.m, s.p2, s.p1,
-        s.i2, s.i1, s.c);
   }
 };
 

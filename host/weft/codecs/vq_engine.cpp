@@ -142,12 +142,11 @@ std::size_t resampling_bytes(const BtfInfo& source, const VqRequest& request, st
 }  // namespace
 
 MemoryPlan plan_device_vq(Device& device, const BtfInfo& source, const VqRequest& request,
-                          const Job& job) {
-  MemoryPlan plan = plan_vq(source, request, job);
+                          std::size_t trained, const Job& job) {
+  MemoryPlan plan = plan_vq(source, request, trained, job);
   const VectorShape vector = texel_vector(request.grid, source.shape.channels);
   const std::size_t block = vq_block(source, request);
-  const std::size_t most = std::min(vq_training(source.shape, request).texels.size(),
-                                    job.memory / 4 / (vector.values() * sizeof(float)));
+  const std::size_t most = std::min(trained, job.memory / 4 / (vector.values() * sizeof(float)));
   plan.add("nearest code-vectors",
            request.similarity == VqSimilarity::ssim
                ? ops::DeviceSimilarSearch::bytes(device, vector, most, block)

@@ -11,8 +11,9 @@
 
 namespace weft {
 
+// `trained`: as in plan_vq.
 MemoryPlan plan_device_vq(Device& device, const BtfInfo& source, const VqRequest& request,
-                          const Job& job);
+                          std::size_t trained, const Job& job);
 
 // Resampling and search on the device; it must outlive the engine.
 std::unique_ptr<VqEngine> device_vq_engine(Device& device, const BtfInfo& source,

@@ -21,8 +21,7 @@ constexpr double near = 1.02;
 constexpr double largest_factor = 100;
 constexpr double smallest_factor = 1e-5;
 
-// A model for a goal, as the search goes through factors. Larger ones give larger errors and
-// smaller files, as a rule.
+// A model for a goal, as the search goes through factors.
 class GoalSearch {
  public:
   GoalSearch(const FitGoal& goal, double least, const VqGoalSteps& steps, Job& job)
@@ -30,36 +29,18 @@ class GoalSearch {
 
   std::unique_ptr<VqModel> run() {
     const bool by_size = goal_.kind == FitGoal::Kind::size;
-    double factor = std::max(by_size ? 0.1 : 2 * goal_.relative, least_);
-    for (std::size_t fit = 0; fit < most_fits; ++fit) {
-      const bool met = try_factor(factor);
-      if (met_ && missed_) {
-        const double low = std::min(*met_, *missed_);
-        const double high = std::max(*met_, *missed_);
-        if (high <= near * low) break;
-        factor = std::sqrt(low * high);
-        continue;
-      }
-      // outwards: towards larger ones after an error that is small enough, and after a size that
-      // is not
-      const bool upwards = met != by_size;
-      if (upwards ? factor >= largest_factor : factor <= std::max(least_, smallest_factor)) break;
-      factor = upwards ? std::min(factor * step_, largest_factor)
-                       : std::max(factor / step_, std::max(least_, smallest_factor));
-      step_ *= 1.5;
-    }
-    // every vector its own, where nothing else is exact enough
-    if (!model_ && !by_size && least_ == 0) try_factor(0);
+    const FactorSearch search{by_size, by_size ? 0.1 : 2 * goal_.relative, least_};
+    search_factor(search, [&](double factor) { return try_factor(factor); });
     if (!model_ && by_size) {
       fail(ErrorKind::unmet_goal,
            "--target {}: code-books of thresholds of {:.4g} take {} bytes, {} are allowed",
-           goal_.text, *missed_, smallest_size_, goal_.bytes);
+           goal_.text, tried_, smallest_size_, goal_.bytes);
     }
     if (!model_) {
       fail(ErrorKind::unmet_goal,
            "--target {}: {:.4g} was reached, with thresholds of {:.4g}; more --slices or --samples "
            "may reach more",
-           goal_.text, least_error_, *missed_);
+           goal_.text, least_error_, tried_);
     }
     return std::move(model_);
   }
@@ -81,8 +62,7 @@ class GoalSearch {
     } else {
       job_.notes.push_back(fmt::format("thresholds of {:.4g}: {} bytes", factor, bytes));
     }
-    std::optional<double>& side = met ? met_ : missed_;
-    side = factor;
+    tried_ = factor;
     if (met) model_ = std::move(model);
     return met;
   }
@@ -91,14 +71,40 @@ class GoalSearch {
   double least_;
   const VqGoalSteps& steps_;
   Job& job_;
-  double step_ = 1.5;
-  std::optional<double> met_, missed_;
+  double tried_ = 0;
   std::unique_ptr<VqModel> model_;
   double least_error_ = std::numeric_limits<double>::infinity();
   std::size_t smallest_size_ = std::numeric_limits<std::size_t>::max();
 };
 
 }  // namespace
+
+// Larger factors give larger errors and smaller files, as a rule.
+void search_factor(const FactorSearch& search, const std::function<bool(double factor)>& met) {
+  const double least = std::max(search.least, smallest_factor);
+  double factor = std::max(search.first, search.least);
+  double step = 1.5;
+  std::optional<double> meets, misses;
+  for (std::size_t fit = 0; fit < most_fits; ++fit) {
+    const bool meets_it = met(factor);
+    (meets_it ? meets : misses) = factor;
+    if (meets && misses) {
+      const double low = std::min(*meets, *misses);
+      const double high = std::max(*meets, *misses);
+      if (high <= near * low) break;
+      factor = std::sqrt(low * high);
+      continue;
+    }
+    // outwards: towards larger ones after an error that is small enough, and after a size that is
+    // not
+    const bool upwards = meets_it != search.by_size;
+    if (upwards ? factor >= largest_factor : factor <= least) break;
+    factor = upwards ? std::min(factor * step, largest_factor) : std::max(factor / step, least);
+    step *= 1.5;
+  }
+  // every vector its own, where nothing else is exact enough
+  if (!meets && !search.by_size && search.least == 0) met(0);
+}
 
 std::unique_ptr<VqModel> meet_vq_goal(const FitGoal& goal, double least, const VqGoalSteps& steps,
                                       Job& job) {

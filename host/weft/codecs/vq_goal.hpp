@@ -12,6 +12,16 @@
 
 namespace weft {
 
+// Which factors are looked at.
+struct FactorSearch {
+  bool by_size = false;  // the smallest that meets the goal is wanted, else the largest
+  double first = 1;
+  double least = 0;
+};
+// Calls met(factor) until one that meets the goal and one that misses it are near each other. The
+// last one that met it is the one that is wanted.
+void search_factor(const FactorSearch& search, const std::function<bool(double factor)>& met);
+
 struct VqGoalSteps {
   // A model as it is stored, of thresholds times a factor.
   std::function<std::unique_ptr<VqModel>(double factor)> fit;

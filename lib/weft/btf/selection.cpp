@@ -141,9 +141,31 @@ class SelectedSource : public TileSource {
         return;
       }
       for (std::size_t i = 0; i < length; ++i) {
-        read_part(source_begin + i, to.subspan(i * bytes, bytes));
+        read_region(source_begin + i, to.subspan(i * bytes, bytes));
       }
     });
+  }
+
+  bool read_part(std::size_t image, std::size_t first, std::size_t count,
+                 std::span<std::byte> out) override {
+    const std::size_t from = source_image(image);
+    if (whole_images_) return source_->read_part(from, first, count, out);
+    const std::span<const std::byte> values = source_->mapped(from, 1);
+    if (values.empty()) return false;
+    // row by row: what the texels of a row are averages of
+    const std::size_t width = info_.shape.width;
+    const std::size_t texel = out.size() / std::max<std::size_t>(count, 1);
+    for (std::size_t p = first; p < first + count;) {
+      const std::size_t run = std::min(width - p % width, first + count - p);
+      const std::size_t side = std::size_t{1} << level_;
+      const std::size_t x = p % width * side;
+      const std::size_t y = p / width * side;
+      const Region block{region_.x + x, region_.y + y, std::min(run * side, region_.width - x),
+                         std::min(side, region_.height - y)};
+      reduce(values, block, out.subspan((p - first) * texel, run * texel));
+      p += run;
+    }
+    return true;
   }
 
   std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
@@ -193,7 +215,7 @@ class SelectedSource : public TileSource {
   }
 
   // One image: cropped, then reduced.
-  void read_part(std::size_t image, std::span<std::byte> out) {
+  void read_region(std::size_t image, std::span<std::byte> out) {
     const BtfInfo& whole_info = source_->info();
     std::span<const std::byte> values = source_->mapped(image, 1);
     if (values.empty()) {
@@ -201,14 +223,20 @@ class SelectedSource : public TileSource {
       source_->read(image, 1, scratch_);
       values = scratch_;
     }
+    reduce(values, region_, out);
+  }
+
+  // A region of an image, or a part of it that begins and ends with texels of the level.
+  void reduce(std::span<const std::byte> image, const Region& region, std::span<std::byte> out) {
+    const BtfShape& whole_shape = source_->info().shape;
     const std::size_t value_bytes = size_of(info_.dtype);
     if (level_ == 0) {
-      crop(values, whole_info.shape, region_, channels_, value_bytes, out);
+      crop(image, whole_shape, region, channels_, value_bytes, out);
       return;
     }
-    cropped_.resize(region_.width * region_.height * channels_.size() * value_bytes);
-    crop(values, whole_info.shape, region_, channels_, value_bytes, cropped_);
-    reduce_to_mip({info_.dtype, info_.encoding}, region_.height, region_.width, channels_.size(),
+    cropped_.resize(region.width * region.height * channels_.size() * value_bytes);
+    crop(image, whole_shape, region, channels_, value_bytes, cropped_);
+    reduce_to_mip({info_.dtype, info_.encoding}, region.height, region.width, channels_.size(),
                   level_, cropped_, out, info_.source);
   }
 

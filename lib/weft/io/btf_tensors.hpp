@@ -42,6 +42,8 @@ inline constexpr const char* file_format_version = "1";
 inline constexpr const char* coded_format_version = "2";
 // That of models with a packed mask, or a model of it.
 inline constexpr const char* mask_format_version = "3";
+// That of data bases of several materials.
+inline constexpr const char* base_format_version = "4";
 // Throws an input error for a file whose `weft.format` is none from the first to `newest`, the
 // newest of its kind, naming them.
 void check_format_version(const SafetensorsFile& file, std::string_view newest);

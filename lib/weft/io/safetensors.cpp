@@ -37,9 +37,10 @@ std::string shape_text(const std::vector<std::size_t>& shape) {
   return fmt::format("[{}{}]", text, shape.size() > 8 ? ", ..." : "");
 }
 
-SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : file_(path) {
+SafetensorsFile::SafetensorsFile(const std::filesystem::path& path)
+    : file_(std::make_shared<MappedFile>(path)), path_(path) {
   const std::string where = path.string();
-  const std::span<const std::byte> bytes = file_.bytes();
+  const std::span<const std::byte> bytes = file_->bytes();
   if (bytes.size() < length_bytes + 2) {
     fail_input("{}: {} bytes are too few for a safetensors file", where, bytes.size());
   }
@@ -65,6 +66,22 @@ SafetensorsFile::SafetensorsFile(const std::filesystem::path& path) : file_(path
   for (std::size_t& offset : offsets_) offset += data_begin;
 }
 
+SafetensorsFile SafetensorsFile::part(
+    std::filesystem::path path, Metadata metadata,
+    const std::function<std::optional<std::string>(std::string_view name)>& name_in_part) const {
+  SafetensorsFile part;
+  part.file_ = file_;
+  part.path_ = std::move(path);
+  part.metadata_ = std::move(metadata);
+  for (std::size_t i = 0; i < tensors_.size(); ++i) {
+    std::optional<std::string> name = name_in_part(tensors_[i].name);
+    if (!name) continue;
+    part.tensors_.push_back({std::move(*name), tensors_[i].dtype, tensors_[i].shape});
+    part.offsets_.push_back(offsets_[i]);
+  }
+  return part;
+}
+
 const TensorInfo* SafetensorsFile::find(std::string_view name) const {
   for (const TensorInfo& tensor : tensors_) {
     if (tensor.name == name) return &tensor;
@@ -79,7 +96,7 @@ const TensorInfo& SafetensorsFile::get(std::string_view name) const {
 }
 
 std::span<const std::byte> SafetensorsFile::data(const TensorInfo& tensor) const {
-  return file_.bytes().subspan(offset(tensor), tensor.bytes());
+  return file_->bytes().subspan(offset(tensor), tensor.bytes());
 }
 
 std::size_t SafetensorsFile::offset(const TensorInfo& tensor) const {

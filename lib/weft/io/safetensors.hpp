@@ -11,8 +11,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -50,7 +52,13 @@ class SafetensorsFile {
  public:
   explicit SafetensorsFile(const std::filesystem::path& path);
 
-  const std::filesystem::path& path() const { return file_.path(); }
+  // A part of the file as a file of its own, whose metadata are given, with the tensors that
+  // name_in_part gives a name. Messages call it `path`.
+  SafetensorsFile part(
+      std::filesystem::path path, Metadata metadata,
+      const std::function<std::optional<std::string>(std::string_view name)>& name_in_part) const;
+
+  const std::filesystem::path& path() const { return path_; }
   const Metadata& metadata() const { return metadata_; }
   // In order of their offsets.
   const std::vector<TensorInfo>& tensors() const { return tensors_; }
@@ -67,12 +75,15 @@ class SafetensorsFile {
   std::string_view value(const std::string& key) const;
   std::string_view require(const std::string& key) const;
 
-  const MappedFile& file() const { return file_; }
+  const MappedFile& file() const { return *file_; }
   // True if the first bytes look like a safetensors header.
   static bool looks_like(const std::filesystem::path& path);
 
  private:
-  MappedFile file_;
+  SafetensorsFile() = default;
+
+  std::shared_ptr<const MappedFile> file_;
+  std::filesystem::path path_;
   Metadata metadata_;
   std::vector<TensorInfo> tensors_;
   std::vector<std::size_t> offsets_;

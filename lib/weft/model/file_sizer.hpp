@@ -9,6 +9,9 @@
 
 namespace weft {
 
+// The longest that the errors of a model may be in its file.
+ErrorReport longest_errors(bool weighted);
+
 class FileSizer {
  public:
   FileSizer();

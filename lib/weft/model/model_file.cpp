@@ -1,7 +1,6 @@
 // Reading. Nothing is allocated before the container has shown that the bytes are there.
 #include "weft/model/model_file.hpp"
 
-#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -16,6 +15,7 @@
 #include "weft/io/json_text.hpp"
 #include "weft/model/coded_tensor.hpp"
 #include "weft/model/component_scale.hpp"
+#include "weft/model/material_file.hpp"
 #include "weft/model/model_metadata.hpp"
 #include "weft/model/occlusion_metadata.hpp"
 #include "weft/model/quantise.hpp"
@@ -133,9 +133,8 @@ using Quantisations = std::map<std::string, Quantisation, std::less<>>;
 CodedTensors coded_tensors(const SafetensorsFile& file) {
   const std::string_view format = file.value("weft.format");
   const bool required = format == coded_format_version;
-  if (!required && (format != mask_format_version || file.metadata().count("coded") == 0)) {
-    return {};
-  }
+  const bool may_have = format == mask_format_version || format == base_format_version;
+  if (!required && (!may_have || file.metadata().count("coded") == 0)) return {};
   return read_coded(file.require("coded"),
                     fmt::format("{}: metadata \"coded\"", file.path().string()));
 }
@@ -219,7 +218,7 @@ Quantisations under_prefix(const Quantisations& all, std::string_view prefix) {
 }  // namespace
 
 ModelFile::ModelFile(const std::filesystem::path& path)
-    : file_(std::make_shared<SafetensorsFile>(path)), info_(read_model_info(*file_)) {
+    : file_(open_material(path)), info_(read_model_info(*file_)) {
   check_checksums(*file_);
   for (const TensorInfo& tensor : file_->tensors()) check_finite(*file_, tensor);
   check_scales(*file_);
@@ -381,12 +380,14 @@ void ModelFile::reject(const std::string& why) const {
   fail_input("{}: {}", file_->path().string(), why);
 }
 
-bool ModelFile::looks_like(const std::filesystem::path& path) {
+bool ModelFile::looks_like(const std::filesystem::path& model) {
+  const std::filesystem::path path = material_path(model).file;
   if (!SafetensorsFile::looks_like(path)) return false;
-  // Metadata come first in our headers, the codec among the first of them.
-  std::array<char, 65536> first{};
+  // Metadata come first in our headers, the codec among the first of them: behind the checksums,
+  // which are many in data bases.
+  std::string first(std::size_t{1} << 20, '\0');
   std::ifstream stream(path, std::ios::binary);
-  stream.read(first.data(), first.size());
+  stream.read(first.data(), static_cast<std::streamsize>(first.size()));
   const std::string_view text(first.data(), static_cast<std::size_t>(stream.gcount()));
   return text.find("\"codec\":") != std::string_view::npos;
 }

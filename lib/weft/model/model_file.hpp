@@ -1,7 +1,8 @@
 // Model files (`.weft`): the safetensors container with a model's tensors, directions and metadata.
 //
 // Metadata: weft.format ("1"; "2" with entropy-coded tensors, see coded_tensor.hpp; "3" with a
-// packed mask, or with a model of it, see occlusion_metadata.hpp, and the metadata `occlusion`),
+// packed mask, or with a model of it, see occlusion_metadata.hpp, and the metadata `occlusion`; "4"
+// a data base of several materials, see material_file.hpp),
 // weft.version, codec, parameters, selection, colour_transform, storage ("f16" or "f32"), shape
 // ("[V,L,Y,X,C]" of what decoding gives), dtype, encoding, quantity, layout, channel_names, source,
 // weights (where the model was fitted with some), errors, checksums
@@ -28,6 +29,7 @@ namespace weft {
 // follow in its `read`.
 class ModelFile {
  public:
+  // A model, or FILE.weft:NAME, a material of a data base.
   explicit ModelFile(const std::filesystem::path& path);
 
   const ModelInfo& info() const { return info_; }

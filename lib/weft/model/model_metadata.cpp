@@ -145,7 +145,7 @@ ModelInfo read_model_info(const SafetensorsFile& file) {
   if (file.value("weft.format").empty()) {
     fail_input("{}: not a model (no metadata \"weft.format\")", file.path().string());
   }
-  check_format_version(file, mask_format_version);
+  check_format_version(file, base_format_version);
   if (file.value("codec").empty()) {
     fail_input("{}: not a model (no metadata \"codec\"){}", file.path().string(),
                file.find("btf") != nullptr ? ": it is a raw BTF" : "");

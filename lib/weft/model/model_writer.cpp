@@ -1,5 +1,7 @@
 // Writing a model: its real-valued tensors as F32, as F16 beside their scales, or entropy-coded
 // beside the steps of their quantisation.
+#include "weft/model/model_writer.hpp"
+
 #include <algorithm>
 #include <functional>
 #include <map>
@@ -72,36 +74,32 @@ std::optional<CodedBlob> coded_mask(const BtfInfo& info) {
   return blob;
 }
 
-// The model itself, and that of its mask, with what stands in front of the names of their tensors.
-struct Part {
-  const Model* model;
-  std::string_view prefix;
-};
-
-std::vector<Part> parts_of(const Model& model, const std::string& where) {
-  std::vector<Part> parts{{&model, ""}};
+// The model itself, and that of its mask.
+std::vector<FilePart> parts_of(const Model& model, const std::string& where) {
+  std::vector<FilePart> parts{{&model, "", true, nullptr}};
   if (const Occlusion* occlusion = model.info.occlusion.get()) {
     const BtfShape wanted = occlusion_info(model.info.btf).shape;
     if (!model.info.btf.mask.empty() || occlusion->model->info.btf.shape != wanted) {
       fail_runtime("{}: the model of the mask is not one of what is written", where);
     }
-    parts.push_back({occlusion->model.get(), occlusion_prefix});
+    parts.push_back(
+        {occlusion->model.get(), std::string(occlusion_prefix), false, model.info.occlusion});
   }
   return parts;
 }
 
-std::string name_in_file(const Part& part, const ModelTensor& tensor) {
-  return std::string(part.prefix) + tensor.name;
+std::string name_in_file(const FilePart& part, const std::string& tensor) {
+  return part.prefix + tensor;
 }
 
 bool stored_as_half(const ModelTensor& tensor, Storage storage) {
   return tensor.dtype == DType::f32 && tensor.storage.value_or(storage) == Storage::f16;
 }
 
-void plan_tensors(const Part& part, const std::string& where, Plan& plan) {
+void plan_tensors(const FilePart& part, const std::string& where, Plan& plan) {
   const ModelInfo& info = part.model->info;
   for (const ModelTensor& tensor : part.model->tensors()) {
-    const std::string name = name_in_file(part, tensor);
+    const std::string name = name_in_file(part, tensor.name);
     TensorInfo planned{name, tensor.dtype, tensor.shape};
     if (tensor.values.size() != planned.bytes()) {
       fail_runtime("{}: tensor \"{}\": {} bytes for shape {}", where, name, tensor.values.size(),
@@ -141,41 +139,57 @@ struct CodedMasks {
     return packed;
   }
 
-  const Plan& of(const Part& part, std::shared_ptr<const Occlusion> model,
-                 const std::string& where) {
-    if (model != occlusion) {
+  const Plan& of(const FilePart& part, const std::string& where) {
+    if (part.occlusion != occlusion) {
       of_occlusion = Plan();
       plan_tensors(part, where, of_occlusion);
-      occlusion = std::move(model);
+      occlusion = part.occlusion;
       ++coded;
     }
     return of_occlusion;
   }
 };
 
-Plan plan_of(const Model& model, const std::string& where, CodedMasks& masks) {
+Metadata metadata_of(const Model& model, const std::string& where) {
+  Metadata metadata = model_metadata(model.info, where);
+  if (const Occlusion* occlusion = model.info.occlusion.get()) {
+    metadata["occlusion"] = occlusion_json(*occlusion, where);
+    metadata["weft.format"] = mask_format_version;
+  }
+  return metadata;
+}
+
+Plan plan_of(std::span<const FilePart> parts, Metadata metadata, const std::string& where,
+             CodedMasks& masks) {
   Plan plan;
-  const ModelInfo& info = model.info;
-  plan.metadata = model_metadata(info, where);
-  for (const Part& part : parts_of(model, where)) {
-    if (part.model == &model) {
+  plan.metadata = std::move(metadata);
+  // versions are single digits
+  const auto at_least = [&](const char* version) {
+    std::string& format = plan.metadata["weft.format"];
+    format = std::max<std::string>(format, version);
+  };
+  for (const FilePart& part : parts) {
+    if (!part.occlusion) {
       plan_tensors(part, where, plan);
       continue;
     }
-    const Plan& of_mask = masks.of(part, info.occlusion, where);
+    const Plan& of_mask = masks.of(part, where);
     plan.tensors.insert(plan.tensors.end(), of_mask.tensors.begin(), of_mask.tensors.end());
     plan.coded.insert(of_mask.coded.begin(), of_mask.coded.end());
   }
-  if (!plan.coded.empty()) plan.metadata["weft.format"] = coded_format_version;
-  std::optional<CodedBlob> mask = masks.of(info.btf);
-  for (TensorInfo& tensor : btf_side_tensors(info.btf)) {
-    if (tensor.name == "mask" && mask) tensor.shape = {mask->bytes.size()};
-    plan.tensors.push_back(std::move(tensor));
-  }
-  if (mask) plan.coded.emplace("mask", std::move(*mask));
-  if (info.occlusion) plan.metadata["occlusion"] = occlusion_json(*info.occlusion, where);
-  if (info.occlusion || plan.coded.contains("mask")) {
-    plan.metadata["weft.format"] = mask_format_version;
+  if (!plan.coded.empty()) at_least(coded_format_version);
+  for (const FilePart& part : parts) {
+    if (!part.with_directions) continue;
+    const BtfInfo& info = part.model->info.btf;
+    std::optional<CodedBlob> mask = masks.of(info);
+    for (TensorInfo& tensor : btf_side_tensors(info)) {
+      if (tensor.name == "mask" && mask) tensor.shape = {mask->bytes.size()};
+      tensor.name = name_in_file(part, tensor.name);
+      plan.tensors.push_back(std::move(tensor));
+    }
+    if (!mask) continue;
+    plan.coded.emplace(name_in_file(part, "mask"), std::move(*mask));
+    at_least(mask_format_version);
   }
   for (const TensorInfo& tensor : plan.tensors) plan.checksums[tensor.name] = checksum_of({});
   plan.metadata["checksums"] = checksums_json(plan.checksums);
@@ -189,11 +203,11 @@ Plan plan_of(const Model& model, const std::string& where, CodedMasks& masks) {
 
 }  // namespace
 
-std::size_t write_model(const std::filesystem::path& path, const Model& model) {
+std::size_t write_parts(const std::filesystem::path& path, std::span<const FilePart> parts,
+                        Metadata metadata) {
   const std::string where = path.string();
-  validate(model.info.btf, where);
   CodedMasks masks;
-  Plan plan = plan_of(model, where, masks);
+  Plan plan = plan_of(parts, std::move(metadata), where, masks);
   SafetensorsWriter writer(path, plan.tensors, plan.metadata);
   const auto write = [&](const std::string& name, std::span<const std::byte> bytes) {
     writer.write(name, 0, bytes);
@@ -217,9 +231,9 @@ std::size_t write_model(const std::filesystem::path& path, const Model& model) {
     }
     plan.checksums[name] = checksum.text();
   };
-  const auto write_tensor = [&](const Part& part, const ModelTensor& tensor) {
+  const auto write_tensor = [&](const FilePart& part, const ModelTensor& tensor) {
     const ModelInfo& info = part.model->info;
-    const std::string name = name_in_file(part, tensor);
+    const std::string name = name_in_file(part, tensor.name);
     if (const auto coded = plan.coded.find(name); coded != plan.coded.end()) {
       const auto quantised = info.quantised.find(tensor.name);
       if (quantised != info.quantised.end()) {
@@ -238,13 +252,16 @@ std::size_t write_model(const std::filesystem::path& path, const Model& model) {
     write(name, tensor.values);
   };
 
-  for (const Part& part : parts_of(model, where)) {
+  for (const FilePart& part : parts) {
     for (const ModelTensor& tensor : part.model->tensors()) write_tensor(part, tensor);
-  }
-  for (const TensorInfo& tensor : btf_side_tensors(model.info.btf)) {
-    const auto coded = plan.coded.find(tensor.name);
-    write(tensor.name, coded != plan.coded.end() ? std::span<const std::byte>(coded->second.bytes)
-                                                 : btf_side_values(model.info.btf, tensor.name));
+    if (!part.with_directions) continue;
+    const BtfInfo& info = part.model->info.btf;
+    for (const TensorInfo& tensor : btf_side_tensors(info)) {
+      const std::string name = name_in_file(part, tensor.name);
+      const auto coded = plan.coded.find(name);
+      write(name, coded != plan.coded.end() ? std::span<const std::byte>(coded->second.bytes)
+                                            : btf_side_values(info, tensor.name));
+    }
   }
 
   writer.set_metadata("checksums", checksums_json(plan.checksums));
@@ -252,12 +269,28 @@ std::size_t write_model(const std::filesystem::path& path, const Model& model) {
   return writer.file_size();
 }
 
-std::size_t occlusion_tensor_bytes(const Occlusion& occlusion) {
-  Plan plan;
-  plan_tensors({occlusion.model.get(), occlusion_prefix}, "occlusion", plan);
+std::size_t parts_size(std::span<const FilePart> parts, Metadata metadata) {
+  CodedMasks masks;
+  Plan plan = plan_of(parts, std::move(metadata), "model", masks);
+  return safetensors_file_size(std::move(plan.tensors), std::move(plan.metadata));
+}
+
+std::size_t part_bytes(const FilePart& part) {
+  CodedMasks masks;
+  const Plan plan = plan_of({&part, 1}, {}, "model", masks);
   std::size_t bytes = 0;
   for (const TensorInfo& tensor : plan.tensors) bytes += tensor.bytes();
   return bytes;
+}
+
+std::size_t write_model(const std::filesystem::path& path, const Model& model) {
+  const std::string where = path.string();
+  validate(model.info.btf, where);
+  return write_parts(path, parts_of(model, where), metadata_of(model, where));
+}
+
+std::size_t occlusion_tensor_bytes(const Occlusion& occlusion) {
+  return part_bytes({occlusion.model.get(), std::string(occlusion_prefix), false, nullptr});
 }
 
 std::size_t model_file_size(const Model& model) {
@@ -270,20 +303,25 @@ FileSizer::FileSizer() : masks_(std::make_unique<Masks>()) {}
 FileSizer::~FileSizer() = default;
 
 std::size_t FileSizer::size(const Model& model) {
-  Plan plan = plan_of(model, "model", *masks_);
+  Plan plan = plan_of(parts_of(model, "model"), metadata_of(model, "model"), "model", *masks_);
   return safetensors_file_size(std::move(plan.tensors), std::move(plan.metadata));
 }
 
-std::size_t FileSizer::size_with_errors(Model& model) {
+ErrorReport longest_errors(bool weighted) {
   constexpr double long_number = -1.7976931348623157e-300;
   ErrorReport longest;
   longest.rmse = longest.peak = longest.psnr = longest.snr = long_number;
   longest.relative = longest.max_error = long_number;
   longest.ssim = long_number;
   longest.log = LogErrorReport{long_number, long_number, long_number};
-  if (!model.info.weights.empty()) {
+  if (weighted) {
     longest.weighted = WeightedErrorReport{long_number, long_number, long_number, long_number};
   }
+  return longest;
+}
+
+std::size_t FileSizer::size_with_errors(Model& model) {
+  const ErrorReport longest = longest_errors(!model.info.weights.empty());
   const std::optional<ErrorReport> kept = std::exchange(model.info.errors, longest);
   const std::size_t bytes = size(model);
   model.info.errors = kept;

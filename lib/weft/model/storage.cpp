@@ -89,9 +89,14 @@ void round_to_storage(Model& model) {
 }
 
 void quantise_all(Model& model, unsigned bits) {
-  const std::vector<std::span<float>> values = model.real_values();
   set_storage(model, Storage::f32);
+  quantise_others(model, bits);
+}
+
+void quantise_others(Model& model, unsigned bits) {
+  const std::vector<std::span<float>> values = model.real_values();
   for_each_real(model, [&](std::size_t n, const ModelTensor& tensor) {
+    if (model.info.quantised.contains(tensor.name)) return;
     const ComponentLayout layout = component_layout(tensor.shape, tensor.component_axis);
     const std::vector<float> steps = steps_of_bits(component_peaks(values[n], layout), bits);
     Quantisation& quantisation = model.info.quantised[tensor.name];

@@ -35,6 +35,8 @@ void round_to_storage(Model& model);
 
 // Quantises every real-valued tensor to so many bits, each component by its largest magnitude.
 void quantise_all(Model& model, unsigned bits);
+// Those that are not quantised yet.
+void quantise_others(Model& model, unsigned bits);
 
 // Quantises one tensor, of the index n among the real-valued ones, with steps of its components, or
 // the least of 16 bits where these are larger.

@@ -3,19 +3,15 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <cstring>
-#include <limits>
+#include <optional>
 #include <utility>
 
+#include "weft/btf/mip.hpp"
 #include "weft/error.hpp"
-#include "weft/model/coded_tensor.hpp"
 #include "weft/model/selected_indices.hpp"
 
 namespace weft {
 namespace {
-
-constexpr std::size_t no_axis = ModelTensor::no_component_axis;
-constexpr std::size_t layout_words = 14;
 
 OnionSlices::Vector wide(const Direction& direction) {
   return {direction[0], direction[1], direction[2]};
@@ -36,6 +32,11 @@ struct Kept {
   }
 
   std::size_t size() const { return rows.size(); }
+  // How many of the first rows of the whole are among them.
+  std::size_t among(std::size_t first) const {
+    return static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), first) -
+                                    rows.begin());
+  }
   PackedIndices renumbered(std::vector<std::uint32_t> indices) const {
     for (std::uint32_t& index : indices) index = number[index];
     return {std::move(indices), size()};
@@ -60,20 +61,26 @@ std::vector<std::size_t> counted(std::size_t count) {
   return indices;
 }
 
+// The part of a mip level's planar index that belongs to a region of level 0, as texels of it;
+// none where the region cuts texels of the level.
+std::optional<Region> region_at(const Region& region, const BtfShape& whole, std::size_t level) {
+  const std::size_t side = std::size_t{1} << level;
+  const auto cuts = [&](std::size_t first, std::size_t count, std::size_t all) {
+    return first % side != 0 || (count % side != 0 && first + count != all);
+  };
+  if (cuts(region.x, region.width, whole.width) || cuts(region.y, region.height, whole.height)) {
+    return std::nullopt;
+  }
+  return Region{region.x / side, region.y / side, mip_side(region.width, level),
+                mip_side(region.height, level)};
+}
+
 // Every n-th of the indices, from `first` on.
 std::vector<std::uint32_t> column_of(const PackedIndices& indices, std::size_t first,
                                      std::size_t n) {
   std::vector<std::uint32_t> column;
   for (std::size_t i = first; i < indices.size(); i += n) column.push_back(indices[i]);
   return column;
-}
-
-PackedIndices read_indices(const ModelFile& file, const std::string& name, std::size_t count,
-                           std::size_t limit) {
-  const std::vector<std::uint32_t> bytes =
-      file.index_tensor(name, {PackedIndices::packed_size(count, limit)}, 256);
-  return PackedIndices::unpack(bytes, count, limit,
-                               fmt::format("{}: tensor \"{}\"", file.file().path().string(), name));
 }
 
 }  // namespace
@@ -91,42 +98,6 @@ VqPlace vq_place(const VqGrid& grid, const BtfInfo& btf, std::size_t view, std::
   }
   const std::size_t of = btf.layout == Layout::paired ? view : light;
   return vq_place(grid.sizes, btf.view_directions[view], btf.light_directions[of]);
-}
-
-std::vector<ModelTensor> VqModel::tensors() const {
-  const auto& n = grid.sizes;
-  const auto real = [](std::string name, std::vector<std::size_t> shape,
-                       const std::vector<float>& values) {
-    return ModelTensor{std::move(name), std::move(shape), DType::f32,
-                       std::as_bytes(std::span(values))};
-  };
-  const auto packed = [](std::string name, const PackedIndices& indices) {
-    return ModelTensor{std::move(name), {indices.bytes().size()}, DType::u8, indices.bytes()};
-  };
-  std::vector<ModelTensor> tensors{real("P1", {sizes.p1, n.beta}, p1),
-                                   real("P2_scales", {sizes.p2, n.alpha}, p2.scales),
-                                   real("P3_scales", {sizes.p3, n.theta}, p3.scales),
-                                   real("P4_scales", {sizes.p4, n.phi}, p4.scales),
-                                   real("P6_scales", {info.btf.shape.texels()}, p6.scales)};
-  if (chromaticities > 0) tensors.push_back(real("C", {sizes.c, chromaticities}, c));
-  tensors.push_back({"layout", {layout_words}, DType::u32, layout_});
-  tensors.push_back({"channels", {channels.size()}, DType::u8, std::as_bytes(std::span(channels))});
-  tensors.push_back(packed("P2", p2.entries));
-  tensors.push_back(packed("M", m));
-  tensors.push_back(packed("P3", p3.entries));
-  tensors.push_back(packed("P4", p4.entries));
-  tensors.push_back(packed("P6", p6.entries));
-  if (chromaticities > 0) {
-    tensors.push_back(packed("I1", i1));
-    tensors.push_back(packed("I2", i2));
-  }
-  return tensors;
-}
-
-std::vector<std::span<float>> VqModel::real_values() {
-  std::vector<std::span<float>> values{p1, p2.scales, p3.scales, p4.scales, p6.scales};
-  if (chromaticities > 0) values.emplace_back(c);
-  return values;
 }
 
 void VqModel::divide(const Weights& factors) {
@@ -212,8 +183,24 @@ std::unique_ptr<VqModel> VqModel::select(const Selection& selection) const {
   };
   // from the texels down, each code-book without the rows that nothing points to
   const std::vector<std::uint32_t> texels = entries(p6.entries, 1, indices.texels, one);
-  const Kept in_p4(sizes.p4, texels);
+  std::vector<std::vector<std::uint32_t>> of_levels;
+  std::vector<std::uint32_t> used = texels;
+  const Region region = part.region.value_or(Region{0, 0, whole.width, whole.height});
+  for (std::size_t l = 1; l <= coarser.size(); ++l) {
+    Selection of_level;
+    of_level.region = region_at(region, whole, l);
+    if (!of_level.region) break;
+    const BtfShape level{1, 1, mip_side(whole.height, l), mip_side(whole.width, l), 1};
+    const std::vector<std::size_t> rows = selected_indices(level, of_level).texels;
+    of_levels.push_back(entries(coarser[l - 1].entries, 1, rows, one));
+    used.insert(used.end(), of_levels.back().begin(), of_levels.back().end());
+    model->coarser.push_back({{}, reals(coarser[l - 1].scales, 1, rows, one)});
+  }
+  const Kept in_p4(sizes.p4, used);
   model->p6 = {in_p4.renumbered(texels), reals(p6.scales, 1, indices.texels, one)};
+  for (std::size_t i = 0; i < of_levels.size(); ++i) {
+    model->coarser[i].entries = in_p4.renumbered(of_levels[i]);
+  }
   const auto row_p4 = entries(p4.entries, n.phi, in_p4.rows, of_phi);
   const Kept in_p3(sizes.p3, row_p4);
   model->p4 = {in_p3.renumbered(row_p4), reals(p4.scales, n.phi, in_p4.rows, of_phi)};
@@ -233,6 +220,10 @@ std::unique_ptr<VqModel> VqModel::select(const Selection& selection) const {
   for (std::size_t i = 0; i < renumbered.size(); i += per_pair) {
     renumbered[i] = in_p2.number[renumbered[i]];
   }
+  for (const Sizes& before : earlier) {
+    model->earlier.push_back({in_p1.among(before.p1), in_p2.among(before.p2), in_m.among(before.m),
+                              in_p3.among(before.p3), in_p4.among(before.p4), 0, 0, 0});
+  }
   if (chromaticities > 0) {
     const Kept in_i2(sizes.i2, column_of(all_pairs, 1, per_pair));
     const auto row_i2 = entries(i2, n.alpha, in_i2.rows, of_alpha);
@@ -248,102 +239,32 @@ std::unique_ptr<VqModel> VqModel::select(const Selection& selection) const {
     model->sizes.c = in_c.size();
     model->sizes.i1 = in_i1.size();
     model->sizes.i2 = in_i2.size();
+    for (std::size_t i = 0; i < earlier.size(); ++i) {
+      Sizes& before = model->earlier[i];
+      before.c = in_c.among(earlier[i].c);
+      before.i1 = in_i1.among(earlier[i].i1);
+      before.i2 = in_i2.among(earlier[i].i2);
+    }
+  }
+  // additions that nothing is left of
+  while (!model->earlier.empty() && model->earlier.back() == model->sizes) {
+    model->earlier.pop_back();
   }
   model->m = PackedIndices(std::move(renumbered), std::max(model->sizes.p2, model->sizes.i2));
   model->seal();
   return model;
 }
 
-void VqModel::seal() {
-  const auto& n = grid.sizes;
-  const std::array<std::size_t, layout_words> words{grid.kind == VqGrid::Kind::onion ? 1U : 0U,
-                                                    n.phi,
-                                                    n.theta,
-                                                    n.alpha,
-                                                    n.beta,
-                                                    chromaticities,
-                                                    sizes.p1,
-                                                    sizes.p2,
-                                                    sizes.m,
-                                                    sizes.p3,
-                                                    sizes.p4,
-                                                    sizes.c,
-                                                    sizes.i1,
-                                                    sizes.i2};
-  layout_.resize(layout_words * sizeof(std::uint32_t));
-  for (std::size_t i = 0; i < layout_words; ++i) {
-    const auto word = static_cast<std::uint32_t>(words[i]);
-    std::memcpy(layout_.data() + i * sizeof(word), &word, sizeof(word));
-  }
-}
-
-std::unique_ptr<VqModel> VqModel::read(const ModelFile& file) {
-  if (file.info().codec != "vq") {
-    file.reject("metadata \"codec\": \"" + file.info().codec + "\" instead of \"vq\"");
-  }
-  auto model = std::make_unique<VqModel>();
-  model->info = file.info();
-  const BtfShape& shape = model->info.btf.shape;
-  const auto reject = [&](const std::string& why) { file.reject("tensor \"layout\": " + why); };
-
-  const auto layout =
-      file.index_tensor("layout", {layout_words}, std::numeric_limits<std::uint32_t>::max());
-  if (layout[0] > 1) reject(fmt::format("grid {} is neither 0, measured, nor 1, onion", layout[0]));
-  model->grid.kind = layout[0] == 1 ? VqGrid::Kind::onion : VqGrid::Kind::measured;
-  model->grid.sizes = {layout[1], layout[2], layout[3], layout[4]};
-  const OnionSizes& n = model->grid.sizes;
-  validate(n, file.file().path().string() + ": tensor \"layout\"");
-  if (model->grid.kind == VqGrid::Kind::measured && model->grid != VqGrid::measured(shape)) {
-    reject(fmt::format("sizes {} x {} x {} x {} of {} measured views and {} lights", n.phi, n.theta,
-                       n.alpha, n.beta, shape.views, shape.lights));
-  }
-  model->chromaticities = layout[5];
-  model->sizes = {layout[6],  layout[7],  layout[8],  layout[9],
-                  layout[10], layout[11], layout[12], layout[13]};
-  const Sizes& s = model->sizes;
-  const bool colours = model->chromaticities > 0;
-  if (std::min({s.p1, s.p2, s.m, s.p3, s.p4}) == 0 ||
-      (colours && std::min({s.c, s.i1, s.i2}) == 0)) {
-    reject("a code-book without entries");
-  }
-  if (model->chromaticities > 1024 || (!colours && (s.c != 0 || s.i1 != 0 || s.i2 != 0))) {
-    reject(fmt::format("{} chromaticities in code-books of {}, {} and {}", model->chromaticities,
-                       s.c, s.i1, s.i2));
-  }
-  const auto channels = file.index_tensor("channels", {shape.channels}, model->chromaticities + 1);
-  for (const std::uint32_t channel : channels) {
-    if (channel > 255) file.reject("tensor \"channels\": more than 255 chromaticities");
-    model->channels.push_back(static_cast<std::uint8_t>(channel));
-  }
-
-  const auto book = [&](const std::string& name, std::size_t rows, std::size_t width,
-                        std::size_t below, const std::vector<std::size_t>& scales) {
-    // the scales are there before memory is taken for as many entries
-    VqCodeBook result;
-    result.scales = file.real_tensor(name + "_scales", scales, no_axis);
-    result.entries = read_indices(file, name, rows * width, below);
-    return result;
-  };
-  model->p1 = file.real_tensor("P1", {s.p1, n.beta}, no_axis);
-  model->p2 = book("P2", s.p2, n.alpha, s.p1, {s.p2, n.alpha});
-  model->m = read_indices(file, "M", s.m * (colours ? 2 : 1), std::max(s.p2, s.i2));
-  for (std::size_t i = 0; i < model->m.size(); ++i) {
-    const std::size_t limit = colours && i % 2 == 1 ? s.i2 : s.p2;
-    if (model->m[i] >= limit) {
-      file.reject(
-          fmt::format("tensor \"M\": index {} of entry {} is not below {}", model->m[i], i, limit));
-    }
-  }
-  model->p3 = book("P3", s.p3, n.theta, s.m, {s.p3, n.theta});
-  model->p4 = book("P4", s.p4, n.phi, s.p3, {s.p4, n.phi});
-  model->p6 = book("P6", shape.texels(), 1, s.p4, {shape.texels()});
-  if (colours) {
-    model->c = file.real_tensor("C", {s.c, model->chromaticities}, no_axis);
-    model->i1 = read_indices(file, "I1", s.i1 * n.beta, s.c);
-    model->i2 = read_indices(file, "I2", s.i2 * n.alpha, s.i1);
-  }
-  model->seal();
-  return model;
+std::unique_ptr<VqModel> VqModel::next_mip_level() const {
+  if (coarser.empty()) return nullptr;
+  auto next = std::make_unique<VqModel>(*this);
+  Selection level;
+  level.level = 1;
+  next->info.btf = weft::select(info.btf, level);
+  next->info.errors.reset();
+  next->p6 = coarser.front();
+  next->coarser.erase(next->coarser.begin());
+  return next;
 }
 
 }  // namespace weft

@@ -20,6 +20,10 @@
 //   measured       the directions of the data, as they are: n_phi = V, n_beta = L, the others 1
 //
 // Models of data of one channel have no chromaticity: no C, I1 and I2, and M is [SM, 1].
+//
+// Mip levels (section 5.1.3) are planar indices of their own into the same code-books: P6.level1
+// [ceil(Y/2) ceil(X/2)], P6.level2 ... Code-books to which materials were added (vq_base.hpp) are
+// stored in parts, P1, P1.part1 ..., each rounded by itself, so that what was there stays as it is.
 #pragma once
 
 #include <array>
@@ -75,11 +79,14 @@ struct VqModel final : Model {
   };
   Sizes sizes;
   std::size_t chromaticities = 0;  // C - 1 of what was fitted
+  // Sizes before each addition, which are those of the parts that reals are stored in.
+  std::vector<Sizes> earlier;
 
   std::vector<float> p1;
   VqCodeBook p2;
   PackedIndices m;
   VqCodeBook p3, p4, p6;
+  std::vector<VqCodeBook> coarser;  // planar indices of mip levels from 1 on
   std::vector<float> c;
   PackedIndices i1, i2;
   // Which of the fitted channels are decoded: 0 luminance, n chromaticity n - 1.
@@ -101,8 +108,16 @@ struct VqModel final : Model {
   void entry_values(std::size_t j, const VqPlace& place, std::span<double> out) const;
 
   // The part that decodes to a selection, without code-vectors that it does not use; its mip level
-  // is not looked at.
+  // is not looked at. It keeps the mip levels whose texels the region does not cut.
   std::unique_ptr<VqModel> select(const Selection& selection) const;
+
+  // The first of the coarser levels as a model of its own, with the others; null where there is
+  // none.
+  std::unique_ptr<VqModel> next_mip_level() const;
+
+  // A data base keeps code-books and planar indices apart: whether these tensors are there.
+  bool has_code_books() const { return sizes.p4 > 0; }
+  bool has_planar_index() const { return !p6.scales.empty(); }
 
   // From a validated file; throws an input error where the tensors do not fit each other or an
   // index is none of its code-book.

@@ -54,6 +54,7 @@ std::unique_ptr<VqModel> enlarge(const VqModel& model, const PatchRequest& reque
   auto large = std::make_unique<VqModel>(model);
   std::vector<std::uint32_t> entries;
   large->p6.scales.clear();
+  large->coarser.clear();
   for (const std::size_t p : texels) {
     entries.push_back(model.p6.entries[p]);
     large->p6.scales.push_back(model.p6.scales[p]);

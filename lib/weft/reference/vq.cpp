@@ -41,15 +41,6 @@ std::size_t part_of(double part, std::size_t whole, std::size_t least, std::size
   return std::min(std::clamp(count, least, most), whole);
 }
 
-// The exponent that brings the largest magnitude into (0.5, 1]: 8-bit data with white in it stays
-// as it is, and similarities have their usual constants.
-int unit_exponent(double largest) {
-  int exponent = 0;
-  const double mantissa = std::frexp(largest, &exponent);
-  if (mantissa == 0.5) --exponent;
-  return largest > 0 ? -exponent : 0;
-}
-
 void scale_all(std::span<float> values, int exponent) {
   if (exponent == 0) return;
   const double factor = std::ldexp(1.0, exponent);
@@ -124,7 +115,8 @@ std::size_t vq_read_block(const BtfInfo& source, const VqRequest& request) {
   return std::min(std::max<std::size_t>(read_bytes / row, 1), shape.height) * shape.width;
 }
 
-MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& job) {
+MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, std::size_t trained,
+                   const Job& job) {
   const BtfShape& shape = source.shape;
   const std::size_t row = texel_vector(request.grid, shape.channels).values() * sizeof(float);
   const std::size_t measured = shape.images() * shape.channels;
@@ -146,7 +138,7 @@ MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& j
              count * (measured * (sizeof(double) + 3 * sizeof(float)) + 3 * row));
   }
   // all of the texels, each on four levels, at most; half of the memory, where that is less
-  plan.add("code-vectors", std::min(4 * training.texels.size() * row, job.memory / 2));
+  plan.add("code-vectors", std::min(4 * trained * row, job.memory / 2));
   return plan;
 }
 
@@ -164,7 +156,6 @@ VqFitter::VqFitter(TileSource& source, VqEngine& engine, const VqRequest& reques
   std::sort(row_by_row_.begin(), row_by_row_.end(), [&](std::size_t a, std::size_t b) {
     return training_.texels[a] < training_.texels[b];
   });
-  read();
 }
 
 void VqFitter::make_room(Measured& measured, std::size_t texels) const {
@@ -182,7 +173,7 @@ void VqFitter::scale(Measured& measured) const {
   }
 }
 
-void VqFitter::read() {
+double VqFitter::read() {
   const StageTimer timer(job_, "scan", 0, static_cast<double>(source_.info().bytes()));
   make_room(kept_, training_.texels.size());
   std::vector<double> image(shape_.image_values());
@@ -200,7 +191,11 @@ void VqFitter::read() {
     if (structural()) keep_moments(image, i);
     job_.advance("scan", i + 1, shape_.images());
   }
-  unit_ = unit_exponent(largest);
+  return largest;
+}
+
+void VqFitter::set_unit(int unit) {
+  unit_ = unit;
   scale(kept_);
 }
 
@@ -287,52 +282,37 @@ VqFitter::Vectors VqFitter::vectors(const Measured& measured, std::size_t first,
   return vectors;
 }
 
-VqFit VqFitter::fit(const VqThresholds& thresholds) {
+double VqFitter::train(VqCodeBooks& books, const VqThresholds& thresholds) {
+  const StageTimer timer(job_, "code-books");
   const std::size_t trained = training_.texels.size();
-  VqFit fit;
-  fit.trained = trained;
-  fit.model = std::make_unique<VqModel>();
-  VqModel& model = *fit.model;
-  VqCodeBooks books(request_.grid, shape_.channels, job_.memory / 2);
-  {
-    const StageTimer timer(job_, "code-books");
-    const auto add = [&](std::size_t first, std::size_t end, const VqThresholds& bounds) {
-      for (; first < end; first += batch) {
-        check_interrupt();
-        const std::size_t count = std::min(batch, end - first);
-        books.add(vectors(kept_, first, count).view(), bounds, engine_.search());
-        job_.advance("code-books", first + count, trained);
-      }
-    };
-    const double luminance =
-        root_mean_square(vectors(kept_, 0, std::min(batch, training_.first)).rows, vector_);
-    const VqThresholds bounds = structural() ? thresholds : thresholds.times(luminance);
-    add(0, training_.first, bounds);
-    add(training_.first, trained,
-        bounds.times(structural() ? second_step : std::sqrt(second_step)));
-    fit.luminance = std::ldexp(luminance, -unit_);
-  }
-  books.fill(model);
-  assign(model, books);
-  scale_all(model.p6.scales, -unit_);
-  scale_all(model.c, -unit_);
-  for (std::size_t channel = 0; channel < shape_.channels; ++channel) {
-    model.channels.push_back(static_cast<std::uint8_t>(channel));
-  }
-  model.seal();
-  return fit;
+  const auto add = [&](std::size_t first, std::size_t end, const VqThresholds& bounds) {
+    for (; first < end; first += batch) {
+      check_interrupt();
+      const std::size_t count = std::min(batch, end - first);
+      books.add(vectors(kept_, first, count).view(), bounds, engine_.search());
+      job_.advance("code-books", first + count, trained);
+    }
+  };
+  const double luminance =
+      root_mean_square(vectors(kept_, 0, std::min(batch, training_.first)).rows, vector_);
+  const VqThresholds bounds = structural() ? thresholds : thresholds.times(luminance);
+  add(0, training_.first, bounds);
+  add(training_.first, trained, bounds.times(structural() ? second_step : std::sqrt(second_step)));
+  return luminance;
 }
 
-void VqFitter::assign(VqModel& model, const VqCodeBooks& books) {
+VqCodeBook VqFitter::assign(const VqCodeBooks& books) {
   const BtfInfo& info = source_.info();
   const std::size_t texels = shape_.texels();
+  const std::size_t entries_of_p4 = books.apparent_brdfs().size() / vector_.values();
   const double products =
-      2.0 * static_cast<double>(model.sizes.p4) * static_cast<double>(vector_.values());
+      2.0 * static_cast<double>(entries_of_p4) * static_cast<double>(vector_.values());
   const StageTimer timer(job_, "texels", products * static_cast<double>(texels),
                          static_cast<double>(info.bytes()));
   engine_.search().set(vector_, books.apparent_brdfs());
   std::vector<std::uint32_t> entries(texels);
-  model.p6.scales.resize(texels);
+  VqCodeBook p6;
+  p6.scales.resize(texels);
   const std::size_t read_together = vq_read_block(info, request_);
   const std::size_t resampled_together = vq_block(info, request_);
   const auto read_from = [&](std::size_t first) {
@@ -353,11 +333,12 @@ void VqFitter::assign(VqModel& model, const VqCodeBooks& books) {
       const auto nearest = engine_.search().nearest(found.view());
       const auto at = static_cast<std::ptrdiff_t>(first + begin);
       std::copy(nearest.begin(), nearest.end(), entries.begin() + at);
-      std::copy(found.scales.begin(), found.scales.end(), model.p6.scales.begin() + at);
+      std::copy(found.scales.begin(), found.scales.end(), p6.scales.begin() + at);
       job_.advance("texels", first + begin + here, texels);
     }
   }
-  model.p6.entries = PackedIndices(std::move(entries), model.sizes.p4);
+  p6.entries = PackedIndices(std::move(entries), entries_of_p4);
+  return p6;
 }
 
 namespace reference {

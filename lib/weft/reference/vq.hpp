@@ -4,6 +4,8 @@
 //   1. one pass over the images: values are checked, and those of some texels kept
 //   2. code-books of the first of these, and with larger thresholds of the others (5.1.1)
 //   3. all texels, block by block: each takes the nearest apparent BRDF, and its mean luminance
+//
+// These are the steps of one source; vq_joint_fit.hpp takes them for one or more.
 #pragma once
 
 #include <cstddef>
@@ -33,6 +35,7 @@ struct VqRequest {
   VqThresholds thresholds;
   double first_part = 0.01;   // of the texels, that code-books begin with
   double second_part = 0.04;  // that they are completed with
+  std::size_t levels = 1;     // mip levels that are fitted, the texels themselves among them
 };
 
 // Texels that code-books are made of: of the first and of the second step. At least 256 and 768 of
@@ -61,21 +64,24 @@ void measured_rows(const BtfShape& shape, std::span<const float> values, std::si
 // host beside its engine, the code-vectors' limit among them.
 std::size_t vq_block(const BtfInfo& source, const VqRequest& request);
 std::size_t vq_read_block(const BtfInfo& source, const VqRequest& request);
-MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, const Job& job);
-
-struct VqFit {
-  std::unique_ptr<VqModel> model;  // unrounded; its info holds nothing yet
-  double luminance = 0;            // root mean square
-  std::size_t trained = 0;         // texels
-};
+// `trained`: texels that code-books are made of, those of other sources among them.
+MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, std::size_t trained,
+                   const Job& job);
 
 class VqFitter {
  public:
-  // The first step. `source` and `engine` must outlive it.
+  // `source` and `engine` must outlive it.
   VqFitter(TileSource& source, VqEngine& engine, const VqRequest& request, Job& job);
 
-  // The others, with these thresholds in place of the request's.
-  VqFit fit(const VqThresholds& thresholds);
+  // The first step; returns the largest magnitude.
+  double read();
+  // What values are multiplied with, 2^unit, before the steps that follow; once behind the first.
+  void set_unit(int unit);
+  // The second step, with these thresholds in place of the request's; returns the root mean square
+  // luminance, times 2^unit, of which they are parts.
+  double train(VqCodeBooks& books, const VqThresholds& thresholds);
+  // The third: entries of P4, and scales times 2^unit. It does not take the first two.
+  VqCodeBook assign(const VqCodeBooks& books);
 
  private:
   // Texels in their measured directions [images][texels][C]: values, and for structural similarity
@@ -92,7 +98,6 @@ class VqFitter {
   };
 
   bool structural() const { return request_.similarity == VqSimilarity::ssim; }
-  void read();
   void make_room(Measured& measured, std::size_t texels) const;
   void scale(Measured& measured) const;
   // The moments about the training's texels in image i.
@@ -102,9 +107,6 @@ class VqFitter {
   void read_with_moments(std::size_t first, std::size_t count, Measured& block);
   // Texels [first, first + count) of what was measured, resampled.
   Vectors vectors(const Measured& measured, std::size_t first, std::size_t count) const;
-  // Entries and scales of all texels.
-  void assign(VqModel& model, const VqCodeBooks& books);
-
   TileSource& source_;
   VqEngine& engine_;
   VqRequest request_;

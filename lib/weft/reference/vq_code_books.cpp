@@ -49,15 +49,18 @@ VqCodeBooks::VqCodeBooks(const VqGrid& grid, std::size_t channels, std::size_t m
   set(c, 1, false, true, 0);
 }
 
+void VqCodeBooks::check_bytes() const {
+  if (bytes_ <= most_bytes_) return;
+  fail_input(
+      "--threshold: the code-vectors that it takes are more than {} bytes: a larger one takes "
+      "fewer, "
+      "and more --memory holds more",
+      most_bytes_);
+}
+
 void VqCodeBooks::append(Level& level, const float* row, float scale) {
   bytes_ += level.shape.values() * sizeof(float);
-  if (bytes_ > most_bytes_) {
-    fail_input(
-        "--threshold: the code-vectors that it takes are more than {} bytes: a larger one takes "
-        "fewer, "
-        "and more --memory holds more",
-        most_bytes_);
-  }
+  check_bytes();
   const double divisor = scale > 0 ? double{scale} : 1.0;
   for (std::size_t i = 0; i < level.shape.luminances; ++i) {
     level.rows.push_back(static_cast<float>(double{row[i]} / divisor));
@@ -266,6 +269,39 @@ void VqCodeBooks::fill(VqModel& model) const {
   model.c = levels_[c].rows;
   model.i1 = {levels_[i1].children, size(c)};
   model.i2 = {levels_[i2].children, size(i1)};
+}
+
+void VqCodeBooks::continue_from(const VqModel& model, int unit) {
+  const auto begin = [&](LevelName name, std::size_t size, const PackedIndices& children,
+                         std::span<const float> scales) {
+    Level& level = levels_[name];
+    level.children.assign(children.indices().begin(), children.indices().end());
+    level.scales.assign(scales.begin(), scales.end());
+    level.rows.resize(size * level.shape.values());
+    bytes_ += level.rows.size() * sizeof(float);
+  };
+  const VqModel::Sizes& sizes = model.sizes;
+  begin(p1, sizes.p1, {}, {});
+  begin(p2, sizes.p2, model.p2.entries, model.p2.scales);
+  begin(m, sizes.m, model.m, {});
+  begin(p3, sizes.p3, model.p3.entries, model.p3.scales);
+  begin(p4, sizes.p4, model.p4.entries, model.p4.scales);
+  levels_[p1].rows = model.p1;
+  if (chromaticities_ > 0) {
+    begin(c, sizes.c, {}, {});
+    begin(i1, sizes.i1, model.i1, {});
+    begin(i2, sizes.i2, model.i2, {});
+    for (std::size_t i = 0; i < model.c.size(); ++i) {
+      levels_[c].rows[i] = static_cast<float>(std::ldexp(double{model.c[i]}, unit));
+    }
+  }
+  check_bytes();
+  rebuild(p2, 0);
+  if (chromaticities_ > 0) {
+    rebuild(i1, 0);
+    rebuild(i2, 0);
+  }
+  for (const LevelName name : {m, p3, p4}) rebuild(name, 0);
 }
 
 }  // namespace weft

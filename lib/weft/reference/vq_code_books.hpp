@@ -59,6 +59,10 @@ class VqCodeBooks {
   // As a model whose texels are to be given.
   void fill(VqModel& model) const;
 
+  // Begins with those of a model, of the same grid and channels, whose rows stay the first; its
+  // chromaticities times 2^unit.
+  void continue_from(const VqModel& model, int unit);
+
  private:
   enum LevelName : std::size_t { p4, p3, m, p2, p1, i2, i1, c, level_count };
   struct Level {
@@ -92,6 +96,8 @@ class VqCodeBooks {
                const VqThresholds& thresholds, NearestSearch& search);
   void enter(LevelName name, const ScaledVectors& vectors, const VqThresholds& thresholds,
              NearestSearch& search, std::vector<std::uint32_t>& indices);
+  // Throws the input error for code-vectors beyond what they may take.
+  void check_bytes() const;
   void append(Level& level, const float* row, float scale);
   // Rows from `first` on as their entries say.
   void rebuild(LevelName name, std::size_t first);
