@@ -193,6 +193,38 @@ TEST(VqBaseCodec, GoalsAreMetByAll) {
                [&] { run("size=100", nullptr, both()); });
 }
 
+// BRDFs, each a material of one texel, have the code-vectors that they have as a row of texels, of
+// the same luminance.
+TEST(VqBaseCodec, BrdfsAreMaterialsOfOneTexel) {
+  constexpr std::size_t count = 5;
+  const BtfShape row_shape{6, 7, 1, count, 3};
+  Random random(4);
+  std::vector<double> row(row_shape.values());
+  for (double& value : row) value = random.uniform(0.2, 1);
+  std::vector<MaterialSource> brdfs;
+  for (std::size_t p = 0; p < count; ++p) {
+    std::vector<double> texel;
+    for (std::size_t i = 0; i < row_shape.images(); ++i) {
+      const auto value = row.begin() + static_cast<std::ptrdiff_t>((i * count + p) * 3);
+      texel.insert(texel.end(), value, value + 3);
+    }
+    brdfs.push_back(
+        {"brdf" + std::to_string(p), source_of({6, 7, 1, 1, 3}, DType::f32, texel), "{}", {}});
+  }
+  const MaterialSource together{"row", source_of(row_shape, DType::f32, row), "{}", {}};
+  const CompressRequest request = request_of({{"threshold", "0"}});
+  const VqBase each = compress(true, brdfs, request).base;
+  const VqBase as_row = compress(true, {&together, 1}, request).base;
+  EXPECT_EQ(each.books.sizes, as_row.books.sizes);
+  const std::vector<double> texels = decoded(*as_row.model(0));
+  for (std::size_t p = 0; p < count; ++p) {
+    const std::vector<double> one = decoded(*each.model(p));
+    for (std::size_t i = 0; i < one.size(); ++i) {
+      EXPECT_NEAR(one[i], texels[(i / 3 * count + p) * 3 + i % 3], 1e-6);
+    }
+  }
+}
+
 // A level is what the averages are, and takes indices alone of code-vectors that are there.
 TEST(VqLevels, AreFittedToAverages) {
   const auto source = random_source({6, 7, 13, 10, 3}, DType::u8, 5);

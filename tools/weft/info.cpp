@@ -98,6 +98,15 @@ void describe_base(Report& report, const std::filesystem::path& path) {
                std::move(rows));
 }
 
+// Bytes of the tensors that are one material's.
+std::size_t own_bytes(const SafetensorsFile& file, const std::string& material) {
+  std::size_t bytes = 0;
+  for (const TensorInfo& tensor : file.tensors()) {
+    if (tensor.name.starts_with(material + "/")) bytes += tensor.bytes();
+  }
+  return bytes;
+}
+
 // Whether a path is that of a data base, and not of a material in it.
 bool names_base(const std::filesystem::path& path) {
   return material_path(path).name.empty() && !read_materials(SafetensorsFile(path)).empty();
@@ -121,7 +130,13 @@ void describe_model(Report& report, const std::filesystem::path& path, bool albe
   add_btf_fields(report, info);
   report.add("raw_size", bytes_cell(info.btf.bytes()));
   report.add("file_size", bytes_cell(model.size()));
-  report.add("ratio", static_cast<double>(info.btf.bytes()) / static_cast<double>(model.size()));
+  const MaterialPath material = material_path(path);
+  if (material.name.empty()) {
+    report.add("ratio", static_cast<double>(info.btf.bytes()) / static_cast<double>(model.size()));
+  } else {
+    // the file holds others too
+    report.add("own_size", bytes_cell(own_bytes(SafetensorsFile(material.file), material.name)));
+  }
   report.add("checksums", "verified");
   if (info.errors) add_error_fields(report.section("errors"), *info.errors);
   if (info.errors && info.errors->weighted) {
