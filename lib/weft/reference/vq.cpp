@@ -41,12 +41,6 @@ std::size_t part_of(double part, std::size_t whole, std::size_t least, std::size
   return std::min(std::clamp(count, least, most), whole);
 }
 
-void scale_all(std::span<float> values, int exponent) {
-  if (exponent == 0) return;
-  const double factor = std::ldexp(1.0, exponent);
-  for (float& value : values) value = static_cast<float>(double{value} * factor);
-}
-
 double root_mean_square(std::span<const float> rows, const VectorShape& shape) {
   double sum = 0;
   for (std::size_t row = 0; row < rows.size(); row += shape.values()) {
@@ -59,6 +53,12 @@ double root_mean_square(std::span<const float> rows, const VectorShape& shape) {
 }
 
 }  // namespace
+
+void scale_all(std::span<float> values, int exponent) {
+  if (exponent == 0) return;
+  const double factor = std::ldexp(1.0, exponent);
+  for (float& value : values) value = static_cast<float>(double{value} * factor);
+}
 
 VqTraining vq_training(const BtfShape& shape, const VqRequest& request) {
   VqTraining training;

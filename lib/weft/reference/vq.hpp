@@ -56,6 +56,9 @@ class VqEngine {
                         std::span<float> rows) = 0;
 };
 
+// Times 2^exponent.
+void scale_all(std::span<float> values, int exponent);
+
 // Rows of the values in their measured directions.
 void measured_rows(const BtfShape& shape, std::span<const float> values, std::size_t count,
                    std::span<float> rows);

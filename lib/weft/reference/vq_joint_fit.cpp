@@ -16,10 +16,6 @@ int unit_exponent(double largest) {
   return largest > 0 ? -exponent : 0;
 }
 
-void scale_all(std::span<float> values, int exponent) {
-  for (float& value : values) value = static_cast<float>(std::ldexp(double{value}, exponent));
-}
-
 bool same_directions(const BtfInfo& a, const BtfInfo& b) {
   return a.view_directions == b.view_directions && a.light_directions == b.light_directions &&
          a.layout == b.layout;
