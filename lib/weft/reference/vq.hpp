@@ -110,6 +110,7 @@ class VqFitter {
   void read_with_moments(std::size_t first, std::size_t count, Measured& block);
   // Texels [first, first + count) of what was measured, resampled.
   Vectors vectors(const Measured& measured, std::size_t first, std::size_t count) const;
+
   TileSource& source_;
   VqEngine& engine_;
   VqRequest request_;
