@@ -34,6 +34,9 @@ class DeviceResampling {
         views_(upload(device, in_float(resampling_.views), "weights of views")),
         zenith_(upload(device, in_float(resampling_.zenith), "weights of the zenith")) {}
 
+  // Of one texel.
+  double flops() const { return static_cast<double>(channels_) * resampling_flops(resampling_); }
+
   void resample(std::span<const float> values, std::size_t count, std::span<float> rows) {
     using ops::Transpose;
     const Resampling& r = resampling_;
@@ -112,6 +115,7 @@ class DeviceEngine final : public VqEngine {
   }
 
   NearestSearch& search() override { return *search_; }
+  double resampling_flops() const override { return resampling_ ? resampling_->flops() : 0; }
 
   void resample(std::span<const float> values, std::size_t count, std::span<float> rows) override {
     if (resampling_) {

@@ -6,7 +6,6 @@
 #include <numeric>
 #include <utility>
 
-#include "weft/btf/resampling.hpp"
 #include "weft/btf/texel_block.hpp"
 #include "weft/error.hpp"
 #include "weft/reference/similar_code_vector.hpp"
@@ -23,7 +22,7 @@ constexpr std::size_t batch = 64;
 constexpr double second_step = 2.5;
 
 // Bytes of a plane of texels that are read together with what is about them.
-constexpr std::size_t read_bytes = std::size_t{64} << 20;
+constexpr std::size_t read_bytes = std::size_t{32} << 20;
 
 // Van der Corput's sequence: the digits of i mirrored at the point.
 double radical_inverse(std::size_t i, std::size_t base) {
@@ -40,6 +39,35 @@ std::size_t part_of(double part, std::size_t whole, std::size_t least, std::size
   const auto count = static_cast<std::size_t>(std::ceil(part * static_cast<double>(whole)));
   return std::min(std::clamp(count, least, most), whole);
 }
+
+// A search that counts the operations of looking at all code-vectors, by squared error.
+class CountingSearch final : public NearestSearch {
+ public:
+  explicit CountingSearch(NearestSearch& search) : search_(search) {}
+
+  double flops() const { return flops_; }
+
+  void set(const VectorShape& shape, std::span<const float> code_vectors) override {
+    values_ = code_vectors.size();
+    search_.set(shape, code_vectors);
+  }
+  std::vector<std::uint32_t> nearest(const ScaledVectors& vectors, double most) override {
+    flops_ += 2.0 * static_cast<double>(vectors.scales.size()) * static_cast<double>(values_);
+    return search_.nearest(vectors, most);
+  }
+  double distance(const VectorShape& shape, const ScaledVectors& vector, const float* code_vector,
+                  double most) const override {
+    return search_.distance(shape, vector, code_vector, most);
+  }
+  double distance_of(double threshold, const VectorShape& shape) const override {
+    return search_.distance_of(threshold, shape);
+  }
+
+ private:
+  NearestSearch& search_;
+  std::size_t values_ = 0;
+  double flops_ = 0;
+};
 
 double root_mean_square(std::span<const float> rows, const VectorShape& shape) {
   double sum = 0;
@@ -83,21 +111,6 @@ VqTraining vq_training(const BtfShape& shape, const VqRequest& request) {
   return training;
 }
 
-void measured_rows(const BtfShape& shape, std::span<const float> values, std::size_t count,
-                   std::span<float> rows) {
-  const std::size_t C = shape.channels;
-  const std::size_t images = shape.images();
-  for (std::size_t p = 0; p < count; ++p) {
-    float* luminance = rows.data() + p * images * C;
-    float* chromaticity = luminance + images;
-    for (std::size_t image = 0; image < images; ++image) {
-      const float* value = values.data() + (image * count + p) * C;
-      *luminance++ = value[0];
-      chromaticity = std::copy(value + 1, value + C, chromaticity);
-    }
-  }
-}
-
 std::size_t vq_block(const BtfInfo& source, const VqRequest& request) {
   constexpr std::size_t bytes = std::size_t{32} << 20;
   constexpr std::size_t vectors = 64;
@@ -137,8 +150,8 @@ MemoryPlan plan_vq(const BtfInfo& source, const VqRequest& request, std::size_t 
     plan.add("a block of texels",
              count * (measured * (sizeof(double) + 3 * sizeof(float)) + 3 * row));
   }
-  // all of the texels, each on four levels, at most; half of the memory, where that is less
-  plan.add("code-vectors", std::min(4 * trained * row, job.memory / 2));
+  // all of the texels, each on four levels, at most; a quarter of the memory, where that is less
+  plan.add("code-vectors", std::min(4 * trained * row, job.memory / 4));
   return plan;
 }
 
@@ -272,6 +285,9 @@ VqFitter::Vectors VqFitter::vectors(const Measured& measured, std::size_t first,
     engine_.resample(part, count, rows);
     return rows;
   };
+  const StageTimer timer(
+      job_, "resample",
+      (structural() ? 3 : 1) * static_cast<double>(count) * engine_.resampling_flops());
   Vectors vectors{resampled(measured.values), resampled(measured.means),
                   resampled(measured.deviations), std::vector<float>(count)};
   if (structural()) raise_deviations(vectors.rows, vectors.means, vectors.deviations);
@@ -283,13 +299,18 @@ VqFitter::Vectors VqFitter::vectors(const Measured& measured, std::size_t first,
 }
 
 double VqFitter::train(VqCodeBooks& books, const VqThresholds& thresholds) {
-  const StageTimer timer(job_, "code-books");
   const std::size_t trained = training_.texels.size();
   const auto add = [&](std::size_t first, std::size_t end, const VqThresholds& bounds) {
     for (; first < end; first += batch) {
       check_interrupt();
       const std::size_t count = std::min(batch, end - first);
-      books.add(vectors(kept_, first, count).view(), bounds, engine_.search());
+      const Vectors texels = vectors(kept_, first, count);
+      CountingSearch search(engine_.search());
+      {
+        const StageTimer timer(job_, "code-books");
+        books.add(texels.view(), bounds, search);
+      }
+      job_.stage("code-books").flops += search.flops();
       job_.advance("code-books", first + count, trained);
     }
   };
@@ -305,10 +326,9 @@ VqCodeBook VqFitter::assign(const VqCodeBooks& books) {
   const BtfInfo& info = source_.info();
   const std::size_t texels = shape_.texels();
   const std::size_t entries_of_p4 = books.apparent_brdfs().size() / vector_.values();
+  // of squared errors
   const double products =
-      2.0 * static_cast<double>(entries_of_p4) * static_cast<double>(vector_.values());
-  const StageTimer timer(job_, "texels", products * static_cast<double>(texels),
-                         static_cast<double>(info.bytes()));
+      structural() ? 0 : 2.0 * static_cast<double>(entries_of_p4 * vector_.values());
   engine_.search().set(vector_, books.apparent_brdfs());
   std::vector<std::uint32_t> entries(texels);
   VqCodeBook p6;
@@ -323,13 +343,20 @@ VqCodeBook VqFitter::assign(const VqCodeBooks& books) {
   // the next block is read while this one is searched for
   std::future<Measured> next = std::async(std::launch::async, read_from, std::size_t{0});
   for (std::size_t first = 0; first < texels; first += read_together) {
-    const Measured block = next.get();
+    const Measured block = [&] {
+      const StageTimer timer(job_, "wait for texels");
+      return next.get();
+    }();
     const std::size_t count = block.texels;
+    job_.stage("wait for texels").bytes +=
+        static_cast<double>(shape_.images() * count * shape_.channels * size_of(info.dtype));
     next = std::async(std::launch::async, read_from, first + read_together);
     for (std::size_t begin = 0; begin < count; begin += resampled_together) {
       check_interrupt();
       const std::size_t here = std::min(resampled_together, count - begin);
       const Vectors found = vectors(block, begin, here);
+      const StageTimer timer(job_, "texels", products * static_cast<double>(here),
+                             static_cast<double>(here * vector_.values() * sizeof(float)));
       const auto nearest = engine_.search().nearest(found.view());
       const auto at = static_cast<std::ptrdiff_t>(first + begin);
       std::copy(nearest.begin(), nearest.end(), entries.begin() + at);
@@ -342,99 +369,6 @@ VqCodeBook VqFitter::assign(const VqCodeBooks& books) {
 }
 
 namespace reference {
-namespace {
-
-class PlainEngine final : public VqEngine {
- public:
-  PlainEngine(const BtfInfo& source, const VqRequest& request) : shape_(source.shape) {
-    if (request.grid.kind == VqGrid::Kind::onion) {
-      resampling_ = resample_to(source, request.grid.sizes);
-    }
-    if (request.similarity == VqSimilarity::ssim) {
-      search_ = std::make_unique<PlainSimilarSearch>();
-    } else {
-      search_ = std::make_unique<PlainSearch>();
-    }
-  }
-
-  NearestSearch& search() override { return *search_; }
-
-  void resample(std::span<const float> values, std::size_t count, std::span<float> rows) override {
-    if (!resampling_) {
-      measured_rows(shape_, values, count, rows);
-      return;
-    }
-    const Resampling& r = *resampling_;
-    const std::size_t columns = count * shape_.channels;
-    const std::size_t nodes = r.new_views * r.new_lights;
-    const std::vector<double> made = zenith(values, columns);
-    // the lights of each frame, then the views; one light at a time
-    std::vector<double> lit(r.frames.size() * columns), resampled(columns);
-    for (std::size_t light = 0; light < r.new_lights; ++light) {
-      std::fill(lit.begin(), lit.end(), 0.0);
-      for (std::size_t f = 0; f < r.frames.size(); ++f) {
-        const Resampling::Frame& frame = r.frames[f];
-        const double* weights =
-            r.lights.data() + (frame.lights * r.new_lights + light) * r.measured_lights;
-        for (std::size_t l = 0; l < r.measured_lights; ++l) {
-          const std::size_t image = frame.view * r.measured_lights + l;
-          for (std::size_t i = 0; i < columns; ++i) {
-            const double value = frame.view < r.measured_views ? double{values[image * columns + i]}
-                                                               : made[l * columns + i];
-            lit[f * columns + i] += weights[l] * value;
-          }
-        }
-      }
-      for (std::size_t view = 0; view < r.new_views; ++view) {
-        std::fill(resampled.begin(), resampled.end(), 0.0);
-        for (std::size_t f = 0; f < r.frames.size(); ++f) {
-          const double weight = r.views[view * r.frames.size() + f];
-          for (std::size_t i = 0; i < columns; ++i) {
-            resampled[i] += weight * lit[f * columns + i];
-          }
-        }
-        const std::size_t node = view * r.new_lights + light;
-        for (std::size_t p = 0; p < count; ++p) {
-          put_node(resampled.data() + p * shape_.channels, node, nodes,
-                   rows.data() + p * nodes * shape_.channels);
-        }
-      }
-    }
-  }
-
- private:
-  // The values of one texel at a node; luminance is not negative.
-  void put_node(const double* values, std::size_t node, std::size_t nodes, float* row) const {
-    row[node] = static_cast<float>(std::max(values[0], 0.0));
-    float* chromaticity = row + nodes + node * (shape_.channels - 1);
-    for (std::size_t c = 1; c < shape_.channels; ++c) {
-      chromaticity[c - 1] = static_cast<float>(values[c]);
-    }
-  }
-
-  // The zenith view that is made of the others, [L][columns].
-  std::vector<double> zenith(std::span<const float> values, std::size_t columns) const {
-    const Resampling& r = *resampling_;
-    std::vector<double> made;
-    if (r.zenith.empty()) return made;
-    made.assign(r.measured_lights * columns, 0.0);
-    for (std::size_t v = 0; v < r.measured_views; ++v) {
-      const float* view = values.data() + v * made.size();
-      for (std::size_t i = 0; i < made.size(); ++i) made[i] += r.zenith[v] * double{view[i]};
-    }
-    return made;
-  }
-
-  BtfShape shape_;
-  std::optional<Resampling> resampling_;
-  std::unique_ptr<NearestSearch> search_;
-};
-
-}  // namespace
-
-std::unique_ptr<VqEngine> vq_engine(const BtfInfo& source, const VqRequest& request) {
-  return std::make_unique<PlainEngine>(source, request);
-}
 
 void decode_vq(const VqModel& model, std::size_t first, std::size_t count, std::span<double> out) {
   const BtfShape& shape = model.info.btf.shape;

@@ -6,6 +6,9 @@
 //   3. all texels, block by block: each takes the nearest apparent BRDF, and its mean luminance
 //
 // These are the steps of one source; vq_joint_fit.hpp takes them for one or more.
+//
+// Weights are refused: those of texels have no place in code-books that all texels share, and those
+// of measured directions are no weights of nodes between them.
 #pragma once
 
 #include <cstddef>
@@ -15,6 +18,7 @@
 #include <span>
 #include <vector>
 
+#include "weft/btf/resampling.hpp"
 #include "weft/btf/tile.hpp"
 #include "weft/job.hpp"
 #include "weft/model/vq.hpp"
@@ -54,10 +58,15 @@ class VqEngine {
   // Values [images][count][C] of texels as rows of texel_vector().
   virtual void resample(std::span<const float> values, std::size_t count,
                         std::span<float> rows) = 0;
+  // Operations of that for one texel; 0 where directions stay.
+  virtual double resampling_flops() const = 0;
 };
 
 // Times 2^exponent.
 void scale_all(std::span<float> values, int exponent);
+
+// Operations of the products with a resampling's matrices, for one value of a texel.
+double resampling_flops(const Resampling& resampling);
 
 // Rows of the values in their measured directions.
 void measured_rows(const BtfShape& shape, std::span<const float> values, std::size_t count,

@@ -82,7 +82,7 @@ VqFit VqJointFit::fit(const VqThresholds& thresholds) {
   fit.model = std::make_unique<VqModel>();
   VqModel& model = *fit.model;
   const std::size_t channels = sources_.front()->info().shape.channels;
-  VqCodeBooks books(request_.grid, channels, job_.memory / 2);
+  VqCodeBooks books(request_.grid, channels, job_.memory / 4);
   if (base_ != nullptr) books.continue_from(*base_, unit_);
   for (std::size_t source = 0; source < sources_.size(); ++source) {
     VqFitter& one = fitter(source);

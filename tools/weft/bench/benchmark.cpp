@@ -10,9 +10,9 @@ namespace weft {
 
 std::vector<Benchmark> all_benchmarks() {
   std::vector<Benchmark> all;
-  for (const auto family :
-       {product_benchmarks, basis_benchmarks, tile_benchmarks, cluster_benchmarks,
-        dictionary_benchmarks, decoder_benchmarks, render_benchmarks, sparse_benchmarks}) {
+  for (const auto family : {product_benchmarks, basis_benchmarks, tile_benchmarks,
+                            cluster_benchmarks, dictionary_benchmarks, decoder_benchmarks,
+                            render_benchmarks, sparse_benchmarks, code_vector_benchmarks}) {
     std::ranges::move(family(), std::back_inserter(all));
   }
   return all;

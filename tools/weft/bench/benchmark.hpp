@@ -25,14 +25,15 @@ struct Benchmark {
 };
 
 // One file per family.
-std::vector<Benchmark> product_benchmarks();     // matrix products
-std::vector<Benchmark> basis_benchmarks();       // inner products, orthonormal bases
-std::vector<Benchmark> tile_benchmarks();        // raw tiles
-std::vector<Benchmark> cluster_benchmarks();     // clusters of texels
-std::vector<Benchmark> dictionary_benchmarks();  // learning of dictionaries
-std::vector<Benchmark> decoder_benchmarks();     // images from models
-std::vector<Benchmark> render_benchmarks();      // synthesised materials
-std::vector<Benchmark> sparse_benchmarks();      // sparse coding
+std::vector<Benchmark> product_benchmarks();      // matrix products
+std::vector<Benchmark> basis_benchmarks();        // inner products, orthonormal bases
+std::vector<Benchmark> tile_benchmarks();         // raw tiles
+std::vector<Benchmark> cluster_benchmarks();      // clusters of texels
+std::vector<Benchmark> dictionary_benchmarks();   // learning of dictionaries
+std::vector<Benchmark> decoder_benchmarks();      // images from models
+std::vector<Benchmark> render_benchmarks();       // synthesised materials
+std::vector<Benchmark> sparse_benchmarks();       // sparse coding
+std::vector<Benchmark> code_vector_benchmarks();  // vector quantisation
 // All of them, in this order.
 std::vector<Benchmark> all_benchmarks();
 
