@@ -63,6 +63,38 @@ TEST_F(VqProcess, ComparesBySimilarity) {
   EXPECT_NE(bad.err.find("--similarity psnr: mse or ssim"), std::string::npos) << bad.err;
 }
 
+// Models of onion slices are drawn from directly and looked up in any direction, those of measured
+// ones are not.
+TEST_F(VqProcess, MeasuresLightsAndDirections) {
+  for (const char* const grid : {"onion", "measured"}) {
+    std::vector<std::string> command{"compress", raw(), "--codec", "vq", "--grid", grid};
+    const bool onion = grid == std::string("onion");
+    if (onion) command.insert(command.end(), {"--slices", "5,5,3,4"});
+    command.insert(command.end(), {"-o", path("m.weft")});
+    ASSERT_EQ(run_weft(command).status, 0);
+    const ProcessResult result =
+        run_weft({"bench", "--model", path("m.weft"), "--filter",
+                  onion ? "lights,look_ups" : "look_ups", "--lookups", "1000", "--json"});
+    ASSERT_EQ(result.status, 0) << result.err;
+    const json report = json::parse(result.out);
+    for (const char* const field :
+         {"samples", "reference_coherent_densities", "direct_samples",
+          "direct_one_core_coherent_samples", "direct_gain", "coherent_direct_gain"}) {
+      if (!onion) break;
+      EXPECT_GT(report.at("lights").at(field), 0) << field;
+    }
+    for (const char* const field : {"directions", "coherent_directions", "filtered_directions"}) {
+      EXPECT_EQ(report.at("look_ups").contains(field), onion) << field;
+    }
+    for (const char* const device : {"auto", "reference"}) {
+      EXPECT_EQ(run_weft({"render", path("m.weft"), "--size", "12x10", "--device", device, "-o",
+                          path("p.png")})
+                    .status,
+                0);
+    }
+  }
+}
+
 TEST_F(VqProcess, EnlargesTheTexture) {
   ASSERT_EQ(
       run_weft({"compress", raw(), "--codec", "vq", "--grid", "measured", "-o", path("m.weft")})

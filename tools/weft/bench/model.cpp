@@ -31,7 +31,7 @@ constexpr std::size_t runs = 3;
 // Draws from one slice, where they are coherent.
 constexpr std::size_t draws_of_slice = 64;
 // Slices that lights are drawn from.
-constexpr std::size_t light_slices = 16384, host_light_slices = 128, direct_light_slices = 1 << 18;
+constexpr std::size_t light_slices = 16384, host_light_slices = 128, direct_light_slices = 1 << 15;
 
 // Random texel, view and light, a record each.
 std::vector<std::uint32_t> random_records(const BtfShape& shape, std::size_t count) {
