@@ -61,17 +61,26 @@ __kernel void pack_vectors(ulong luminances, ulong values, ulong count, ulong la
   // some values of all rows after each other: what is written stays in a cache for all of them
   for (ulong k0 = first; k0 < end; k0 += 16) {
     const ulong k1 = min(k0 + 16, end);
+    const int whole = k1 - k0 == 16 && (k1 <= luminances || k0 >= luminances);
     for (ulong lane = 0; lane < lanes; ++lane) {
       const ulong row = get_global_id(1) * lanes + lane;
+      __global float* to = out + k0 * lanes + lane;
       if (row >= count) {
-        for (ulong k = k0; k < k1; ++k) out[k * lanes + lane] = 0.0f;
+        for (ulong k = 0; k < k1 - k0; ++k) to[k * lanes] = 0.0f;
         continue;
       }
       const float scale = scaled ? scales[row] : 1.0f;
       __global const float* in = rows + numbers[row] * values;
-      for (ulong k = k0; k < k1; ++k) {
-        out[k * lanes + lane] = k < luminances ? scale * (in[k] - scale) : in[k];
+      if (!whole) {
+        for (ulong k = k0; k < k1; ++k) {
+          to[(k - k0) * lanes] = k < luminances ? scale * (in[k] - scale) : in[k];
+        }
+        continue;
       }
+      const float16 given = vload16(0, in + k0);
+      float row_values[16];
+      vstore16(k0 < luminances ? scale * (given - scale) : given, 0, row_values);
+      for (uint k = 0; k < 16; ++k) to[k * lanes] = row_values[k];
     }
   }
 }
