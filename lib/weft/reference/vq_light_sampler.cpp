@@ -36,9 +36,9 @@ Place place_of(double steps, std::size_t count) {
   return {below, std::clamp(steps - static_cast<double>(below), 0.0, 1.0)};
 }
 
-// Rows of a table with a factor each.
+// Rows of a table of two parts, of so many columns each, with a factor each.
 struct Row {
-  std::size_t first = 0;
+  std::size_t number = 0;
   float factor = 0;
 };
 template <std::size_t N>
@@ -46,24 +46,23 @@ struct RowSum {
   std::array<Row, N> rows{};
   std::size_t count = 0;
 
-  void add(std::size_t first, float factor) {
-    if (factor > 0) rows[count++] = {first, factor};
+  void add(std::size_t number, float factor) {
+    if (factor > 0) rows[count++] = {number, factor};
   }
-  // At one column.
-  double at(const std::vector<float>& table, std::size_t column) const {
+  // At one column of the first part, the values.
+  double at(const std::vector<float>& table, std::size_t width, std::size_t column) const {
     float sum = 0;
     for (std::size_t r = 0; r < count; ++r) {
-      sum += rows[r].factor * table[rows[r].first + column];
+      sum += rows[r].factor * table[2 * rows[r].number * width + column];
     }
     return static_cast<double>(sum);
   }
-  // At `width` columns from `column` on, whole vectors.
-  void get(const std::vector<float>& table, std::size_t column, std::size_t width,
-           float* out) const {
+  // At all columns of the second, the sums.
+  void get_sums(const std::vector<float>& table, std::size_t width, float* out) const {
     for (std::size_t i = 0; i < width; i += lanes) {
       std::array<float, lanes> sums{};
       for (std::size_t r = 0; r < count; ++r) {
-        const float* const row = &table[rows[r].first + column + i];
+        const float* const row = &table[(2 * rows[r].number + 1) * width + i];
         for (std::size_t k = 0; k < lanes; ++k) sums[k] += rows[r].factor * row[k];
       }
       for (std::size_t k = 0; k < lanes; ++k) out[i + k] = sums[k];
@@ -108,9 +107,8 @@ class VqLightSampler final : public LightSampler {
     make_slices();
     make_hemispheres();
     const std::size_t per_pair = model.chromaticities > 0 ? 2 : 1;
-    p3_ = links(model.p3, [&](std::size_t k) { return model.m[k * per_pair]; });
-    for (Link& link : p3_) link.row *= 2 * width_alpha_;
-    p4_ = links(model.p4, [&](std::size_t k) { return k * model.grid.sizes.theta; });
+    p3_ = links(model.p3, [&](std::uint32_t k) { return model.m[k * per_pair]; });
+    p4_ = links(model.p4, [](std::uint32_t k) { return k; });
     density_unit_ = static_cast<double>((n_alpha_ - 1) * (n_beta_ - 1)) / (2 * std::numbers::pi);
   }
 
@@ -136,10 +134,10 @@ class VqLightSampler final : public LightSampler {
   }
 
  private:
-  // An entry of a code-book: the row of the one below that it points to, by the index of its first
-  // element, and its scale as light, relative to the largest.
+  // An entry of a code-book: the row of the table below that it points to, and its scale as light,
+  // relative to the largest.
   struct Link {
-    std::size_t row = 0;
+    std::uint32_t row = 0;
     float scale = 0;
   };
   // What is drawn from for one query: rows of hemispheres_ that sum to 1, and the cosine and sine
@@ -183,15 +181,15 @@ class VqLightSampler final : public LightSampler {
       append(row, width_beta_, slices_);
     }
   }
-  double sum_of_slice(std::size_t first) const {
-    return double{slices_[first + width_beta_ + n_beta_ - 1]};
+  double sum_of_slice(std::size_t row) const {
+    return double{slices_[(2 * row + 1) * width_beta_ + n_beta_ - 1]};
   }
 
   // The entries of P2 and, in the last row, the defensive hemisphere.
   void make_hemispheres() {
     std::vector<double> cosines(n_alpha_), row(n_alpha_);
     for (std::size_t i = 0; i < n_alpha_; ++i) cosines[i] = std::max(std::cos(alpha(i)), 0.0);
-    p2_ = links(model_.p2, [&](std::size_t k) { return (1 + k) * 2 * width_beta_; });
+    p2_ = links(model_.p2, [](std::uint32_t k) { return 1 + k; });
     const bool times_cosine = model_.info.btf.quantity == Quantity::brdf;
     for (std::size_t first = 0; first < p2_.size(); first += n_alpha_) {
       for (std::size_t i = 0; i < n_alpha_; ++i) {
@@ -201,7 +199,7 @@ class VqLightSampler final : public LightSampler {
       }
       append(row, width_alpha_, hemispheres_);
     }
-    defence_ = hemispheres_.size();
+    defence_ = hemispheres_.size() / (2 * width_alpha_);
     for (std::size_t i = 0; i < n_alpha_; ++i) {
       p2_.push_back({0, static_cast<float>(cosines[i] + defensive_floor)});
       row[i] = double{p2_.back().scale} * sum_of_slice(0);
@@ -284,7 +282,7 @@ class VqLightSampler final : public LightSampler {
       for (const auto& [t, of_theta] :
            {std::pair(theta.low, 1 - theta.fraction), {theta.high, theta.fraction}}) {
         if (of_theta == 0) continue;
-        const Link& in_p3 = p3_[in_p4.row + t];
+        const Link& in_p3 = p3_[in_p4.row * n.theta + t];
         const double scale = of_phi * of_theta * double{in_p4.scale} * double{in_p3.scale};
         sum += scale * sum_of_hemisphere(in_p3.row);
         terms[count++] = {in_p3.row, scale};
@@ -298,10 +296,10 @@ class VqLightSampler final : public LightSampler {
       slice.rows.add(terms[t].row,
                      static_cast<float>((1 - defensive_share) / sum * terms[t].scale));
     }
-    slice.rows.get(hemispheres_, width_alpha_, width_alpha_, slice.sums.data());
+    slice.rows.get_sums(hemispheres_, width_alpha_, slice.sums.data());
   }
-  double sum_of_hemisphere(std::size_t first) const {
-    return double{hemispheres_[first + width_alpha_ + n_alpha_ - 1]};
+  double sum_of_hemisphere(std::size_t row) const {
+    return double{hemispheres_[(2 * row + 1) * width_alpha_ + n_alpha_ - 1]};
   }
 
   // The slices next to a place of alpha.
@@ -309,7 +307,7 @@ class VqLightSampler final : public LightSampler {
     RowSum<10> rows;
     for (std::size_t r = 0; r < slice.rows.count; ++r) {
       const Row& row = slice.rows.rows[r];
-      const Link* const in_p2 = &p2_[row.first / (2 * width_alpha_) * n_alpha_ + alpha.below];
+      const Link* const in_p2 = &p2_[row.number * n_alpha_ + alpha.below];
       const auto part = static_cast<float>(alpha.part);
       rows.add(in_p2[0].row, (1 - part) * row.factor * in_p2[0].scale);
       rows.add(in_p2[1].row, part * row.factor * in_p2[1].scale);
@@ -320,14 +318,15 @@ class VqLightSampler final : public LightSampler {
   DrawnLight draw(const Slice& slice, const std::array<float, 2>& numbers,
                   std::span<float> sums) const {
     const Interval in_alpha = find(slice.sums.data(), n_alpha_, double{numbers[0]});
-    const Place alpha{in_alpha.below,
-                      part_below(slice.rows.at(hemispheres_, in_alpha.below),
-                                 slice.rows.at(hemispheres_, in_alpha.below + 1), in_alpha.share)};
+    const Place alpha{
+        in_alpha.below,
+        part_below(slice.rows.at(hemispheres_, width_alpha_, in_alpha.below),
+                   slice.rows.at(hemispheres_, width_alpha_, in_alpha.below + 1), in_alpha.share)};
     const RowSum<10> rows = slices_at(slice, alpha);
-    rows.get(slices_, width_beta_, width_beta_, sums.data());
+    rows.get_sums(slices_, width_beta_, sums.data());
     const Interval in_beta = find(sums.data(), n_beta_, double{numbers[1]});
-    const double low = rows.at(slices_, in_beta.below);
-    const double high = rows.at(slices_, in_beta.below + 1);
+    const double low = rows.at(slices_, width_beta_, in_beta.below);
+    const double high = rows.at(slices_, width_beta_, in_beta.below + 1);
     const double part = part_below(low, high, in_beta.share);
 
     // the direction, turned with the view, and turned back
@@ -355,8 +354,9 @@ class VqLightSampler final : public LightSampler {
     const Place alpha = place_of((turns + 0.5) * static_cast<double>(n_alpha_ - 1), n_alpha_);
     const Place beta = place_of((y + 1) / 2 * static_cast<double>(n_beta_ - 1), n_beta_);
     const RowSum<10> rows = slices_at(slice, alpha);
-    return static_cast<float>(density_unit_ * ((1 - beta.part) * rows.at(slices_, beta.below) +
-                                               beta.part * rows.at(slices_, beta.below + 1)));
+    return static_cast<float>(density_unit_ *
+                              ((1 - beta.part) * rows.at(slices_, width_beta_, beta.below) +
+                               beta.part * rows.at(slices_, width_beta_, beta.below + 1)));
   }
 
   const VqModel& model_;
