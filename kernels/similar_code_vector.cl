@@ -20,15 +20,14 @@
 // What is found does not depend on where the search begins. Where any dissimilarity is allowed, it
 // begins with the code-vector that is most similar in some of the values.
 //
-// RUN        groups after which those that exceed are counted, and that the first one is chosen by
-// SHORT_RUN  the same of vectors of few groups
+// Groups pass by from the middle of the luminances on, where lights are high. Those that exceed are
+// counted as soon as they can be too many, and then after every few groups.
+//
+// GUESS  groups that the first one is chosen by
 #include "vector_width.cl"
 
-#ifndef RUN
-#define RUN 16
-#endif
-#ifndef SHORT_RUN
-#define SHORT_RUN 4
+#ifndef GUESS
+#define GUESS 16
 #endif
 #define NONE 0xffffffffu
 #if VW == 16
@@ -94,11 +93,11 @@ inline float percentile(__global const float* values, ulong groups, int outliers
   return as_float(high);
 }
 
-// The code-vector with the least sum of dissimilarities in RUN groups.
+// The code-vector with the least sum of dissimilarities in GUESS groups.
 inline uint first_guess(const Window* window, ulong luminance_groups, ulong groups, uint count,
                         float scale, __global const float* x, __global const float* e,
                         __global const float* b, __global const float* code_vectors) {
-  const ulong step = max(groups / RUN, (ulong)1);
+  const ulong step = max(groups / GUESS, (ulong)1);
   float least = INFINITY;
   uint guess = 0;
   for (uint j = 0; j < count; ++j) {
@@ -148,15 +147,20 @@ __kernel void similar_code_vector(ulong luminance_groups, ulong groups, uint out
       bound < INFINITY
           ? 0
           : first_guess(&window, luminance_groups, groups, count, scale, x, e, b, code_vectors);
-  const uint run = groups > 4 * RUN ? RUN : SHORT_RUN;
+  const ulong middle = (luminance_groups > 0 ? luminance_groups : groups) / 2;
+  const ulong fewest = outliers / VW + 1;
+  const ulong run = max(fewest / 4, (ulong)2);
   for (uint t = 0; t <= count; ++t) {
     if (t == guess + 1) continue;
     const uint j = t == 0 ? guess : t - 1;
     __global const float* code_vector = code_vectors + j * groups * VW;
     int exceeding = 0;
-    for (ulong first = 0; first < groups && exceeding <= (int)outliers; first += run) {
+    ulong end = 0;
+    for (ulong first = 0; first < groups && exceeding <= (int)outliers; first = end) {
+      end = min(first == 0 ? fewest : first + run, groups);
       intv above = 0;
-      for (ulong k = first; k < min(first + run, groups); ++k) {
+      for (ulong n = first; n < end; ++n) {
+        const ulong k = n + middle < groups ? n + middle : n + middle - groups;
         const realv y = (k < luminance_groups ? scale : 1.0f) * loadv(code_vector + k * VW);
         realv numerator, denominator;
         compare_windows(&window, loadv(x + k * VW), loadv(e + k * VW), loadv(b + k * VW), y,
