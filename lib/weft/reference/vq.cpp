@@ -310,7 +310,7 @@ double VqFitter::train(VqCodeBooks& books, const VqThresholds& thresholds) {
         const StageTimer timer(job_, "code-books");
         books.add(texels.view(), bounds, search);
       }
-      job_.stage("code-books").flops += search.flops();
+      if (!structural()) job_.stage("code-books").flops += search.flops();
       job_.advance("code-books", first + count, trained);
     }
   };
