@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "weft/btf/relabelled_source.hpp"
 #include "weft/codecs/measure.hpp"
 #include "weft/codecs/measure_log.hpp"
 #include "weft/codecs/meet_goal.hpp"
@@ -26,28 +27,12 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-// A source without its mask, for which a model stands.
-class UnmaskedSource final : public TileSource {
- public:
-  explicit UnmaskedSource(TileSource& source) : source_(source), info_(source.info()) {
-    info_.mask.clear();
-    info_.mask_distance.clear();
-  }
-  const BtfInfo& info() const override { return info_; }
-  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
-    source_.read(first, count, out);
-  }
-  std::span<const float> texel_scale() const override { return source_.texel_scale(); }
-  std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
-    return source_.mapped(first, count);
-  }
-  void prefetch(std::size_t first, std::size_t count) override { source_.prefetch(first, count); }
-  void release(std::size_t first, std::size_t count) override { source_.release(first, count); }
-
- private:
-  TileSource& source_;
-  BtfInfo info_;
-};
+// What is said of a source whose mask has a model of its own.
+BtfInfo without_mask(BtfInfo info) {
+  info.mask.clear();
+  info.mask_distance.clear();
+  return info;
+}
 
 // What of the source is fitted.
 ColourTransform colour_transform(TileSource& source, const CompressRequest& request, Job& job) {
@@ -283,7 +268,7 @@ void check_parameters(const Codec& codec, const Parameters& parameters) {
 CompressResult compress(Device* device, TileSource& source, const CompressRequest& request,
                         Job& job) {
   if (request.occlusion && !source.info().mask.empty()) {
-    UnmaskedSource unmasked(source);
+    RelabelledSource unmasked(source, without_mask(source.info()));
     return compress(device, unmasked, request, job);
   }
   check_parameters(*request.codec, request.parameters);

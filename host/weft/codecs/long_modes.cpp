@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "weft/btf/relabelled_source.hpp"
 #include "weft/codecs/btf_panels.hpp"
 #include "weft/codecs/panel_stream.hpp"
 #include "weft/codecs/streamed_svd.hpp"
@@ -13,28 +14,13 @@ namespace weft {
 namespace {
 
 // A BTF with its channels as neighbouring texels of one channel: the same bytes.
-class ChannelsAsTexels final : public TileSource {
- public:
-  explicit ChannelsAsTexels(TileSource& source) : source_(source), info_(source.info()) {
-    info_.shape.width *= info_.shape.channels;
-    info_.shape.channels = 1;
-    info_.channel_names.clear();
-    info_.mask.clear();
-  }
-  const BtfInfo& info() const override { return info_; }
-  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
-    source_.read(first, count, out);
-  }
-  std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
-    return source_.mapped(first, count);
-  }
-  void prefetch(std::size_t first, std::size_t count) override { source_.prefetch(first, count); }
-  void release(std::size_t first, std::size_t count) override { source_.release(first, count); }
-
- private:
-  TileSource& source_;
-  BtfInfo info_;
-};
+BtfInfo channels_as_texels(BtfInfo info) {
+  info.shape.width *= info.shape.channels;
+  info.shape.channels = 1;
+  info.channel_names.clear();
+  info.mask.clear();
+  return info;
+}
 
 LongModeVectors vectors_of(Device& device, PanelStream& stream, std::size_t rank, Job& job) {
   SvdTarget target;
@@ -84,7 +70,7 @@ LongModeVectors long_mode_vectors(Device& device, TileSource& source, const Mode
                                   std::size_t n, std::size_t rank, float scale, Job& job) {
   require_alone(groups, n);
   const ModeGroup& group = groups.groups()[n];
-  ChannelsAsTexels folded(source);
+  RelabelledSource folded(source, channels_as_texels(source.info()));
   TileSource& from = folds_channels(group) ? folded : source;
   const BtfShape& shape = from.info().shape;
   const std::vector<float> zeros(shape.images() * shape.channels, 0.0f);
@@ -125,7 +111,7 @@ std::size_t long_mode_bytes(Device& device, TileSource& source, const ModeGroups
                             std::size_t n, std::size_t rank) {
   require_alone(groups, n);
   const ModeGroup& group = groups.groups()[n];
-  ChannelsAsTexels folded(source);
+  RelabelledSource folded(source, channels_as_texels(source.info()));
   TileSource& from = folds_channels(group) ? folded : source;
   const BtfShape& shape = from.info().shape;
   const std::size_t images = shape.images() * shape.channels;

@@ -6,28 +6,10 @@
 #include <vector>
 
 #include "weft/btf/encoding.hpp"
+#include "weft/btf/relabelled_source.hpp"
 
 namespace weft {
 namespace {
-
-class RelabelledSource final : public TileSource {
- public:
-  RelabelledSource(std::shared_ptr<TileSource> source, BtfInfo info)
-      : source_(std::move(source)), info_(std::move(info)) {}
-
-  const BtfInfo& info() const override { return info_; }
-  void read(std::size_t first, std::size_t count, std::span<std::byte> out) override {
-    source_->read(first, count, out);
-  }
-  std::span<const std::byte> mapped(std::size_t first, std::size_t count) override {
-    return source_->mapped(first, count);
-  }
-  void release(std::size_t first, std::size_t count) override { source_->release(first, count); }
-
- private:
-  std::shared_ptr<TileSource> source_;
-  BtfInfo info_;
-};
 
 class ConvertedSource final : public TileSource {
  public:
