@@ -1,6 +1,7 @@
 #include "weft/codecs/scattered_rows.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace weft {
 namespace {
@@ -20,7 +21,9 @@ void ScatteredRows::add(Device& device, const Buffer& tile, std::size_t rows, st
   if (gathered_[current_].used > 0 && gathered_[current_].used + values > most_values) send();
   Gathered& gathered = gathered_[current_];
   if (gathered.values.size() < gathered.used + values) {
-    gathered.values.resize(std::max(std::min(most_values, to_.size()), gathered.used + values));
+    FloatStore larger(std::max(std::min(most_values, to_.size()), gathered.used + values));
+    std::copy_n(gathered.values.begin(), gathered.used, larger.begin());
+    gathered.values = std::move(larger);
   }
   gathered.rows = rows;
   gathered.runs.push_back({first, count, gathered.used});

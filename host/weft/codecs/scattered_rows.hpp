@@ -36,7 +36,7 @@ class ScatteredRows {
   };
   struct Gathered {
     std::vector<Run> runs;
-    std::vector<float> values;
+    FloatStore values;
     std::size_t used = 0;
     std::size_t rows = 0;
   };

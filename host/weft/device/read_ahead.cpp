@@ -3,10 +3,11 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <span>
 #include <thread>
-#include <vector>
 
 #include "weft/error.hpp"
+#include "weft/tensor/float_store.hpp"
 
 namespace weft {
 namespace {
@@ -15,8 +16,10 @@ namespace {
 class ReadAhead {
  public:
   ReadAhead(std::size_t runs, std::size_t slot_bytes, const FillRun& fill)
-      : runs_(runs), fill_(fill) {
-    for (Slot& slot : slots_) slot.values.resize(slot_bytes);
+      : runs_(runs), slot_bytes_(slot_bytes), fill_(fill) {
+    // pages come as they are filled: a vector would be filled with zeros first
+    const std::size_t floats = (slot_bytes + sizeof(float) - 1) / sizeof(float);
+    for (Slot& slot : slots_) slot.values = FloatStore(floats);
     thread_ = std::thread([this] { run(); });
   }
 
@@ -37,7 +40,7 @@ class ReadAhead {
     changed_.wait(lock, [&] { return filled_ > index || failure_; });
     if (filled_ <= index) std::rethrow_exception(failure_);
     const Slot& slot = slots_[index % 2];
-    return std::span(slot.values).first(slot.bytes);
+    return std::as_bytes(std::span(slot.values)).first(slot.bytes);
   }
 
   // Says that the device is done with all runs before `index`.
@@ -51,7 +54,7 @@ class ReadAhead {
 
  private:
   struct Slot {
-    std::vector<std::byte> values;
+    FloatStore values;
     std::size_t bytes = 0;
   };
 
@@ -64,7 +67,8 @@ class ReadAhead {
           if (stopped_) return;
         }
         Slot& slot = slots_[index % 2];
-        slot.bytes = fill_(index, slot.values);
+        slot.bytes =
+            fill_(index, std::as_writable_bytes(std::span(slot.values)).first(slot_bytes_));
         {
           const std::lock_guard lock(mutex_);
           filled_ = index + 1;
@@ -81,6 +85,7 @@ class ReadAhead {
   }
 
   const std::size_t runs_;
+  const std::size_t slot_bytes_;
   const FillRun& fill_;
   Slot slots_[2];
   std::mutex mutex_;

@@ -55,6 +55,10 @@ FloatStore::FloatStore(std::size_t count, Place place) : size_(count), place_(pl
   if (data == MAP_FAILED) fail_runtime("no memory for {} values: {}", count, std::strerror(error));
   data_ = static_cast<float*>(data);
   mapped_bytes_ = bytes;
+  // Where the system has large pages, hundreds of times fewer come one by one as they are written;
+  // else this is refused, and no harm.
+  constexpr std::size_t worth_it = std::size_t{4} << 20;
+  if (!in_file && bytes >= worth_it) ::madvise(data, bytes, MADV_HUGEPAGE);
 }
 
 FloatStore::FloatStore(const std::vector<float>& values) : FloatStore(values.size()) {
