@@ -4,16 +4,15 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <utility>
 
 #include "weft/codecs/decompose_cluster.hpp"
 #include "weft/codecs/fit_tucker.hpp"
 #include "weft/codecs/held_tensor.hpp"
+#include "weft/codecs/kcta_plan.hpp"
 #include "weft/codecs/mix_slices.hpp"
 #include "weft/codecs/scan_source.hpp"
 #include "weft/codecs/slice_rows.hpp"
-#include "weft/codecs/tucker_plan.hpp"
 #include "weft/error.hpp"
 #include "weft/reference/factorise.hpp"
 #include "weft/reference/kcta_mixing.hpp"
@@ -39,49 +38,6 @@ std::vector<float> product_of_columns(std::span<const float> A, std::size_t a,
     }
   }
   return {sums.begin(), sums.end()};
-}
-
-// The decomposition of the global bases: those modes are cut, the others stay whole.
-TuckerOptions global_options(const KctaRequest& request) {
-  TuckerOptions options;
-  options.request.groups = request.groups;
-  options.request.most = request.groups.sizes();
-  for (std::size_t n = 0; n < request.groups.count(); ++n) {
-    if (request.cuts(n) && request.global_mode[n] != 0) {
-      options.request.most[n] = request.ranks[n];
-    }
-  }
-  options.request.storage = Storage::f32;
-  return options;
-}
-
-// Bytes that are held beside A: rows of clusters, and of slices less what clusters make of them.
-std::size_t held_beside(const KctaRequest& request, const SliceShape& shape) {
-  const std::size_t residual = request.mixtures > 1 ? shape.slices() : 0;
-  return (request.clusters * shape.ranks[0] + residual) * shape.row() * sizeof(float);
-}
-
-MemoryPlan working_plan(const Device& device, const KctaRequest& request, const SliceShape& shape) {
-  MemoryPlan plan;
-  const std::size_t rank = shape.ranks[0];
-  const std::size_t rows = std::max(shape.slices(), request.clusters * rank);
-  plan.add("blocks of slices", row_products_bytes(device, 2 * rows, shape.row()));
-  std::size_t longest = 1;
-  std::size_t eigen = shape.slices();
-  for (std::size_t a = 1; a < shape.sizes.size(); ++a) {
-    if (shape.local(a)) longest = std::max(longest, shape.sizes[a]);
-  }
-  eigen = std::max(eigen, longest);
-  plan.add("projected slices",
-           3 * rank * shape.row() * sizeof(float) +
-               HeldTensor::working_bytes(device, rank * shape.row(), longest, Arithmetic::f32));
-  plan.add("slices of a core", shape.slices() * shape.core_row() * sizeof(float));
-  plan.add("clusters", 3 * request.clusters * rank * shape.core_row() * sizeof(float));
-  const std::size_t products = request.clusters * rank;
-  plan.add("small problem",
-           (6 * eigen * eigen + products * (2 * products + shape.slices())) * sizeof(double));
-  if (request.grid_side > 0) plan.add("grid of views", grid_bytes(request));
-  return plan;
 }
 
 struct State {
@@ -151,7 +107,7 @@ class Fitter final : public KctaEncoder {
 
   // A_G, eq. (23), with the clustered mode first and its largest value near 1.
   void hold_slices() {
-    const TuckerOptions options = global_options(request_);
+    const TuckerOptions options = global_bases_kcta(request_);
     TuckerFit global = fit_tucker(device_, source_, options, job_);
     squares_of_all_ = global.errors.squares;
     lost_ = std::max(0.0, global.errors.discarded);
@@ -200,9 +156,9 @@ class Fitter final : public KctaEncoder {
   void hold_rows(std::size_t held) {
     place_ = A_.place();
     std::size_t others = A_.place() == FloatStore::Place::memory ? A_.size() * sizeof(float) : 0;
-    others += held + working_plan(device_, request_, shape_).total();
+    others += held + working_plan_kcta(device_, request_, shape_).total();
     for (const MemoryItem& item : job_.held) others += item.bytes;
-    if (others + held_beside(request_, shape_) > job_.memory) place_ = FloatStore::Place::file;
+    if (others + held_beside_kcta(request_, shape_) > job_.memory) place_ = FloatStore::Place::file;
     B_ = FloatStore(request_.clusters * rank_ * row_, place_);
     slices_ = row_list(A_, shape_.slices(), row_);
     squares_ = combined_squares(device_, row_, slices_, {}, {});
@@ -519,26 +475,6 @@ class Fitter final : public KctaEncoder {
 };
 
 }  // namespace
-
-MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& request,
-                     const Job& job) {
-  const TuckerOptions global = global_options(request);
-  const MemoryPlan streaming = plan_tucker(device, source, global, job);
-  const SliceShape shape(request);
-  MemoryPlan plan = working_plan(device, request, shape);
-  const std::size_t slices = shape.slices() * shape.row() * sizeof(float);
-  std::size_t others = plan.total();
-  for (const MemoryItem& item : job.held) others += item.bytes;
-  // where they do not fit they are held in files
-  if (place_of_held(device, source, global, job, slices) == FloatStore::Place::memory) {
-    plan.add("slices", slices);
-    others += slices;
-  }
-  const std::size_t beside = held_beside(request, shape);
-  if (others + beside <= job.memory) plan.add("slices of clusters", beside);
-  // the bases of all clusters come first, and give back what they take
-  return streaming.total() > plan.total() ? streaming : plan;
-}
 
 KctaFit fit_kcta(Device& device, TileSource& source, const KctaRequest& request, Job& job) {
   return Fitter(device, source, request, job).fit();

@@ -25,8 +25,4 @@ KctaFit fit_kcta(Device& device, TileSource& source, const KctaRequest& request,
 std::unique_ptr<KctaEncoder> kcta_encoder(Device& device, TileSource& source,
                                           const KctaRequest& request, Job& job);
 
-// What the fit will take.
-MemoryPlan plan_kcta(Device& device, TileSource& source, const KctaRequest& request,
-                     const Job& job);
-
 }  // namespace weft

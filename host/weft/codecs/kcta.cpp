@@ -12,6 +12,7 @@
 #include "weft/codecs/fit_tucker.hpp"
 #include "weft/codecs/kcta_decoder.hpp"
 #include "weft/codecs/kcta_options.hpp"
+#include "weft/codecs/kcta_plan.hpp"
 #include "weft/codecs/kcta_sampler.hpp"
 #include "weft/codecs/nested_kcta.hpp"
 #include "weft/codecs/rank_options.hpp"
