@@ -47,9 +47,11 @@ TEST(SliceRows, SmallProductsOfRows) {
         }
         squares[i / length] += expected[i] * expected[i];
       }
-      std::vector<float> out(a * length);
-      combine_rows(shared_device(), length, rows, M, others, out.data());
-      EXPECT_TRUE(all_near(out, expected, 16 * 0x1p-24 * 6));
+      std::vector<float> out(a * length + 2, 77.0f);
+      combine_rows(shared_device(), length, rows, M, others, out.data() + 1);
+      EXPECT_TRUE(all_near(std::span(out).subspan(1, a * length), expected, 16 * 0x1p-24 * 6));
+      EXPECT_EQ(out.front(), 77.0f);
+      EXPECT_EQ(out.back(), 77.0f);
       EXPECT_TRUE(all_near(combined_squares(shared_device(), length, rows, M, others), squares,
                            1e-5 * static_cast<double>(length)));
     }
@@ -122,15 +124,17 @@ TEST(SliceRows, SmallModesOfRows) {
   const std::vector<float> V = random_floats(50 * 40, 3, -1, 1);  // [50][40]
   const RowProduct products[] = {{1, ops::ModeProduct::project, 2, U},
                                  {2, ops::ModeProduct::expand, 50, V}};
-  std::vector<float> out(7 * 3 * 2 * 50);
-  multiply_modes(shared_device(), sizes, row_list(A, 7, 600), products, out.data());
+  std::vector<float> out(7 * 3 * 2 * 50 + 2, 77.0f);
+  multiply_modes(shared_device(), sizes, row_list(A, 7, 600), products, out.data() + 1);
   const std::vector<double> values(A.begin(), A.end());
   const std::vector<double> first =
       reference::mode_product(Sizes{7, 3, 5, 40}, 2, values, 2,
                               reference::transposed(5, 2, std::vector<double>(U.begin(), U.end())));
   const std::vector<double> expected = reference::mode_product(
       Sizes{7, 3, 2, 40}, 3, first, 50, std::vector<double>(V.begin(), V.end()));
-  EXPECT_TRUE(all_near(out, expected, 200 * 50 * 0x1p-24));
+  EXPECT_TRUE(all_near(std::span(out).subspan(1, 7 * 300), expected, 200 * 50 * 0x1p-24));
+  EXPECT_EQ(out.front(), 77.0f);
+  EXPECT_EQ(out.back(), 77.0f);
   // nothing to multiply: a copy
   std::vector<float> copy(7 * 600);
   multiply_modes(shared_device(), sizes, row_list(A, 7, 600), {}, copy.data());

@@ -163,6 +163,26 @@ TEST(Buffer, ViewsOfHostMemoryReadWhatIsThere) {
   EXPECT_EQ(device.peak_allocated(), 0U);
 }
 
+// What is written to it is in the host's memory once it was read into the same place, and nothing
+// beside.
+TEST(Buffer, WritableViewsWriteToHostMemory) {
+  Device device("auto");
+  const std::vector<std::byte> expected = counted_bytes(4099);
+  constexpr auto untouched = std::byte{0xA5};
+  for (const std::size_t offset : Sizes{0, 1, 3, 64}) {
+    std::vector<std::byte> host(4099 + 2 * 64, untouched);
+    const auto part = std::span(host).subspan(offset, expected.size());
+    Buffer view = Buffer::wrap_writable(device, part, "view");
+    device.write(view, 0, expected);
+    device.read(view, 0, part);
+    for (std::size_t i = 0; i < host.size(); ++i) {
+      const bool inside = i >= offset && i < offset + expected.size();
+      ASSERT_EQ(host[i], inside ? expected[i - offset] : untouched) << offset << " " << i;
+    }
+  }
+  EXPECT_EQ(device.peak_allocated(), 0U);
+}
+
 TEST(Buffer, PartsShareTheMemoryOfTheWhole) {
   Device device("auto");
   const std::size_t alignment = device.limits().alignment;

@@ -1,6 +1,7 @@
 #include "weft/codecs/decompose_cluster.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "weft/reference/factorise.hpp"
@@ -74,7 +75,7 @@ std::vector<float> ClusterDecomposition::begin(ClusterBases& cluster, const RowL
     for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
       if (!shape_.local(a)) continue;
       cluster.U[a] = leading_basis(T, a);
-      project(T, a, cluster.U[a]);
+      T = projected(T, a, cluster.U[a]);
     }
   }
   for (std::size_t s = 0; s < cold_sweeps; ++s) U_m = sweep(cluster, slices, U_m);
@@ -94,11 +95,11 @@ std::vector<float> ClusterDecomposition::sweep(ClusterBases& cluster, const RowL
     const HeldTensor W = onto_rows(slices, U_m);
     for (std::size_t a = 1; a < shape_.sizes.size(); ++a) {
       if (!shape_.local(a)) continue;
-      HeldTensor T = W;
+      std::optional<HeldTensor> T;
       for (std::size_t b = 1; b < shape_.sizes.size(); ++b) {
-        if (b != a && shape_.local(b)) project(T, b, cluster.U[b]);
+        if (b != a && shape_.local(b)) T = projected(T ? *T : W, b, cluster.U[b]);
       }
-      cluster.U[a] = leading_basis(T, a);
+      cluster.U[a] = leading_basis(T ? *T : W, a);
     }
   }
   return decompose_slices(cluster, slices, U_m.size() / slices.size());
@@ -114,14 +115,16 @@ HeldTensor ClusterDecomposition::onto_rows(const RowList& slices, const std::vec
   return W;
 }
 
-void ClusterDecomposition::project(HeldTensor& T, std::size_t axis, const std::vector<float>& U) {
-  const std::size_t before = T.values.size();
-  T.project(device_, axis, shape_.ranks[axis], U);
-  stage().flops += 2 * static_cast<double>(before) * static_cast<double>(shape_.ranks[axis]);
-  stage().bytes += static_cast<double>((before + T.values.size()) * sizeof(float));
+HeldTensor ClusterDecomposition::projected(const HeldTensor& T, std::size_t axis,
+                                           const std::vector<float>& U) {
+  HeldTensor result = T.projected(device_, axis, shape_.ranks[axis], U);
+  stage().flops +=
+      2 * static_cast<double>(T.values.size()) * static_cast<double>(shape_.ranks[axis]);
+  stage().bytes += static_cast<double>((T.values.size() + result.values.size()) * sizeof(float));
+  return result;
 }
 
-std::vector<float> ClusterDecomposition::leading_basis(HeldTensor& T, std::size_t axis) {
+std::vector<float> ClusterDecomposition::leading_basis(const HeldTensor& T, std::size_t axis) {
   const std::size_t size = shape_.sizes[axis];
   stage().flops += static_cast<double>(T.values.size() * (size + 1));
   stage().bytes += static_cast<double>(T.values.size() * sizeof(float));

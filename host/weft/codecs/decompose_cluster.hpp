@@ -48,8 +48,8 @@ class ClusterDecomposition {
 
  private:
   HeldTensor onto_rows(const RowList& slices, const std::vector<float>& U_m);
-  void project(HeldTensor& T, std::size_t axis, const std::vector<float>& U);
-  std::vector<float> leading_basis(HeldTensor& T, std::size_t axis);
+  HeldTensor projected(const HeldTensor& T, std::size_t axis, const std::vector<float>& U);
+  std::vector<float> leading_basis(const HeldTensor& T, std::size_t axis);
   std::vector<float> sweep(ClusterBases& cluster, const RowList& slices,
                            const std::vector<float>& U_m);
   std::vector<float> decompose_slices(ClusterBases& cluster, const RowList& slices,

@@ -132,6 +132,27 @@ void HeldTensor::project(Device& device, std::size_t mode, std::size_t rank,
   values.shrink(product(sizes));
 }
 
+HeldTensor HeldTensor::projected(Device& device, std::size_t mode, std::size_t rank,
+                                 const std::vector<float>& U) const {
+  const ops::ModeView view = ops::mode_view(sizes, mode);
+  if (!device.limits().unified_memory || view.elements() > block_values) {
+    HeldTensor copy = *this;
+    copy.project(device, mode, rank, U);
+    return copy;
+  }
+  std::vector<std::size_t> after = sizes;
+  after[mode] = rank;
+  HeldTensor result(std::move(after), FloatStore::Place::memory);
+  Buffer factor(device, U.size() * sizeof(float), "factor");
+  device.write(factor, std::span<const float>(U));
+  const std::span<float> to(result.values);
+  Buffer out = Buffer::wrap_writable(device, std::as_writable_bytes(to), "projected tensor");
+  ops::mode_product(device, view, Buffer::wrap(device, std::as_bytes(std::span(values)), "tensor"),
+                    ops::ModeProduct::project, factor, rank, out);
+  device.read(out, to);
+  return result;
+}
+
 // Whole slabs: a result is written over what was read.
 void HeldTensor::project_slabs(Device& device, const ops::ModeView& view, std::size_t at_once,
                                std::size_t rank, const Buffer& factor, Buffer& out) {

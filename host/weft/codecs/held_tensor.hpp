@@ -27,6 +27,10 @@ class HeldTensor {
   // T x_n U^T with U [size][rank] row-major, in place.
   void project(Device& device, std::size_t mode, std::size_t rank, const std::vector<float>& U);
 
+  // The same in a tensor of its own, in memory.
+  HeldTensor projected(Device& device, std::size_t mode, std::size_t rank,
+                       const std::vector<float>& U) const;
+
   // sum of squares, in double.
   double squares() const;
 

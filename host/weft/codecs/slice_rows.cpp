@@ -111,23 +111,40 @@ RowsInPlace in_place(Device& device, const RowList& rows, std::size_t length) {
   return found;
 }
 
+// base + M rows, of rows that the device reads where they lie.
+class PlacedSum {
+ public:
+  PlacedSum(Device& device, std::size_t length, std::size_t count, const RowList& base,
+            std::span<const float> M, const RowList& rows)
+      : terms_(in_place(device, rows, length)), base_(in_place(device, base, length)) {
+    if (terms_.at.empty() || (!base.empty() && base_.at.empty())) return;
+    sums_.emplace(device, terms_.values, terms_.at, base.empty() ? nullptr : &base_.values,
+                  base_.at, M, count);
+  }
+  explicit operator bool() const { return sums_.has_value(); }
+  void columns(std::size_t first, std::size_t width, Buffer& out) {
+    sums_->columns(first, width, out);
+  }
+
+ private:
+  RowsInPlace terms_, base_;
+  std::optional<ops::RowSums> sums_;
+};
+
 // Calls use(first, width, block) with blocks of base + M rows, `count` of them.
 template <typename Use>
 void for_each_sum(Device& device, std::size_t length, std::size_t count, const RowList& base,
                   std::span<const float> M, const RowList& rows, const Use& use) {
   const std::size_t most = block_width(rows.size() + count, length);
   std::vector<float> values(count * most, 0.0f);
-  Buffer out(device, count * most * sizeof(float), "sums of rows");
-  const RowsInPlace terms = in_place(device, rows, length);
-  const RowsInPlace added = in_place(device, base, length);
-  const bool placed = !terms.at.empty() && (base.empty() || !added.at.empty());
-  std::optional<ops::RowSums> sums;
+  Buffer out =
+      device.limits().unified_memory
+          ? Buffer::wrap_writable(device, std::as_writable_bytes(std::span(values)), "sums of rows")
+          : Buffer(device, count * most * sizeof(float), "sums of rows");
+  PlacedSum placed(device, length, count, base, M, rows);
   std::optional<Block> in;
   Buffer matrix;
-  if (placed) {
-    sums.emplace(device, terms.values, terms.at, base.empty() ? nullptr : &added.values, added.at,
-                 M, count);
-  } else if (!rows.empty()) {
+  if (!placed && !rows.empty()) {
     in.emplace(device, rows, length, rows.size() * most);
     matrix = matrix_buffer(device, M);
   }
@@ -136,7 +153,7 @@ void for_each_sum(Device& device, std::size_t length, std::size_t count, const R
     const std::size_t width = std::min(most, length - first);
     const auto block = std::span(values).first(count * width);
     if (placed) {
-      sums->columns(first, width, out);
+      placed.columns(first, width, out);
       device.read(out, block);
     } else {
       std::fill(block.begin(), block.end(), 0.0f);
@@ -235,6 +252,15 @@ std::vector<double> row_products(Device& device, std::size_t length, const RowLi
 void combine_rows(Device& device, std::size_t length, const RowList& base, std::span<const float> M,
                   const RowList& rows, float* out) {
   const std::size_t count = rows.empty() ? base.size() : M.size() / rows.size();
+  if (count * length <= device.limits().largest_allocation / sizeof(float)) {
+    if (PlacedSum placed(device, length, count, base, M, rows); placed) {
+      const std::span<float> to(out, count * length);
+      Buffer result = Buffer::wrap_writable(device, std::as_writable_bytes(to), "sums of rows");
+      placed.columns(0, length, result);
+      device.read(result, to);
+      return;
+    }
+  }
   for_each_sum(device, length, count, base, M, rows,
                [&](std::size_t first, std::size_t width, std::span<const float> block) {
                  for (std::size_t i = 0; i < count; ++i) {
@@ -272,8 +298,10 @@ void multiply_modes(Device& device, std::vector<std::size_t> sizes, const RowLis
     return;
   }
   const std::size_t at_once = rows_at_once(rows.size(), longest);
+  // the last product is written where it is to be if the device can do that
+  const bool unified = device.limits().unified_memory;
   Buffer between[2];
-  for (std::size_t i = 0; i < std::min<std::size_t>(2, products.size()); ++i) {
+  for (std::size_t i = 0; i < std::min<std::size_t>(2, products.size() - (unified ? 1 : 0)); ++i) {
     between[i] = Buffer(device, at_once * longest * sizeof(float), "rows on the way");
   }
   for (std::size_t first = 0; first < rows.size(); first += at_once) {
@@ -286,14 +314,18 @@ void multiply_modes(Device& device, std::vector<std::size_t> sizes, const RowLis
     const Buffer* from = &in.columns(0, length).buffer;
     std::vector<std::size_t> block = sizes;
     block.insert(block.begin(), count);
+    const std::span<float> to(out + first * result, count * result);
+    Buffer last;
+    if (unified) last = Buffer::wrap_writable(device, std::as_writable_bytes(to), "rows");
     for (std::size_t s = 0; s < products.size(); ++s) {
       const RowProduct& step = products[s];
+      Buffer& into = unified && s + 1 == products.size() ? last : between[s % 2];
       ops::mode_product(device, ops::mode_view(block, step.axis + 1), *from, step.kind, factors[s],
-                        step.other_size, between[s % 2]);
+                        step.other_size, into);
       block[step.axis + 1] = step.other_size;
-      from = &between[s % 2];
+      from = &into;
     }
-    device.read(*from, std::span(out + first * result, count * result));
+    device.read(*from, to);
   }
 }
 

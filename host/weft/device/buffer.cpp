@@ -29,17 +29,25 @@ Buffer::Buffer(Device& device, std::size_t bytes, const char* what)
   counted_ = true;
 }
 
-Buffer Buffer::wrap(Device& device, std::span<const std::byte> host, const char* what) {
+Buffer Buffer::of_host(Device& device, cl_mem_flags flags, void* host, std::size_t bytes,
+                       const char* what) {
   Buffer buffer;
   buffer.device_ = &device;
-  buffer.size_ = host.size();
+  buffer.size_ = bytes;
   cl_int status = CL_SUCCESS;
-  // The flag promises that no kernel writes here; the C API has no const form of host_ptr.
-  void* pointer = const_cast<std::byte*>(host.data());
-  buffer.handle_ = Handle<cl_mem>(clCreateBuffer(
-      device.context(), CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, host.size(), pointer, &status));
+  buffer.handle_ = Handle<cl_mem>(
+      clCreateBuffer(device.context(), flags | CL_MEM_USE_HOST_PTR, bytes, host, &status));
   check_cl(status, what);
   return buffer;
+}
+
+Buffer Buffer::wrap(Device& device, std::span<const std::byte> host, const char* what) {
+  // The flag promises that no kernel writes here; the C API has no const form of host_ptr.
+  return of_host(device, CL_MEM_READ_ONLY, const_cast<std::byte*>(host.data()), host.size(), what);
+}
+
+Buffer Buffer::wrap_writable(Device& device, std::span<std::byte> host, const char* what) {
+  return of_host(device, CL_MEM_READ_WRITE, host.data(), host.size(), what);
 }
 
 Buffer Buffer::part(Device& device, const Buffer& whole, std::size_t offset, std::size_t bytes,

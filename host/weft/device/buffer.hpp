@@ -22,6 +22,9 @@ class Buffer {
   // Read-only view of host memory, which must outlive it (CL_MEM_USE_HOST_PTR). Kernels read it
   // with vloadN only, since it may be unaligned.
   static Buffer wrap(Device& device, std::span<const std::byte> host, const char* what);
+  // The same for kernels to write. What they wrote is there once Device::read() has read it into
+  // the same place, which copies nothing.
+  static Buffer wrap_writable(Device& device, std::span<std::byte> host, const char* what);
   // Bytes [offset, offset + bytes) of another buffer as a buffer of their own (a sub-buffer);
   // `whole` must outlive it, and the offset must be a multiple of limits().alignment.
   static Buffer part(Device& device, const Buffer& whole, std::size_t offset, std::size_t bytes,
@@ -35,6 +38,9 @@ class Buffer {
   explicit operator bool() const { return static_cast<bool>(handle_); }
 
  private:
+  static Buffer of_host(Device& device, cl_mem_flags flags, void* host, std::size_t bytes,
+                        const char* what);
+
   Device* device_ = nullptr;
   Handle<cl_mem> handle_;
   std::size_t size_ = 0;
