@@ -15,11 +15,11 @@ Every run is added to the JSON file as soon as it is done, and runs that are in 
 Printed are Markdown tables. Needs Matplotlib (Debian: python3-matplotlib) for the SVG and the turntable.
 """
 import argparse
-import json
 import os
-import subprocess
 import sys
 import tempfile
+
+from measure import load, run, save
 
 PARTS = ("table", "curve", "rates", "turntable")
 TOTAL = 32  # view rank, as the paper has it for its corduroy
@@ -28,26 +28,7 @@ OF_CLUSTER = 4
 LIGHTS = 20
 GRID = 256  # side of the resampled views
 FRAMES = 120
-
-
-def run(weft, *arguments):
-    result = subprocess.run([weft, *arguments, "--json", "--quiet"], capture_output=True, text=True)
-    if result.returncode != 0:
-        raise RuntimeError(f"weft {' '.join(arguments)}: {result.stderr.strip()}")
-    return json.loads(result.stdout)
-
-
-def load(path):
-    if not os.path.exists(path):
-        return {}
-    with open(path, encoding="utf-8") as file:
-        return json.load(file)
-
-
-def save(path, rows):
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        json.dump(rows, file, indent=1, sort_keys=True)
-    os.replace(path + ".part", path)
+WITH_HOLES = ("net",)
 
 
 def codec_options(mixtures, total, side):
@@ -113,11 +94,25 @@ def fit(runs, material, mixtures, total, side):
     return path, {"bytes": report["file_size"], "snr": report["errors"]["snr"], "encode_s": report["encode_time"]}
 
 
+def mask_options(mixtures, side):
+    """The same for masks (v, y, x)."""
+    if mixtures == 0:
+        return f"tucker --ranks v={TOTAL},y={side},x={side}"
+    clusters = f"--clusters {TOTAL // OF_CLUSTER} --ranks v={OF_CLUSTER},y={side},x={side}"
+    return f"cta {clusters}" if mixtures == 1 else f"kcta --mixtures {mixtures} {clusters}"
+
+
 def table_row(runs, material, mixtures):
     side = runs.options.size * 5 // 8  # 80 of 128
     path, row = fit(runs, material, mixtures, TOTAL, side)
     speed = runs.weft("bench", "--model", path, "--filter", "images")
-    return {**row, "images_per_s": speed["images"]["rate"]}
+    row["images_per_s"] = speed["images"]["rate"]
+    if material in WITH_HOLES:
+        for kind in ("mask", "distance"):
+            report = runs.weft("compress", runs.raw(material), "--rank", "1", "--occlusion", mask_options(mixtures, side),
+                               "--occlusion-of", kind, "--memory", runs.options.memory, "-o", runs.path("mask.weft"))
+            row[f"error_texels_{kind}"] = report["occlusion"]["error_texel_share"]
+    return row
 
 
 def rates_row(runs, material, codec):
@@ -199,10 +194,13 @@ def name_of(mixtures):
 def print_tables(runs):
     table, curve = runs.select("table"), runs.select("curve")
     if table:
-        print("| material | | MiB | SNR dB | encoding s | images/s |\n|---|---|---|---|---|---|")
+        print("| material | | MiB | SNR dB | encoding s | images/s | error texels: mask, distance |")
+        print("|---|---|---|---|---|---|---|")
     for (material, mixtures), row in table.items():
+        wrong = [row.get("error_texels_" + kind) for kind in ("mask", "distance")]
         print(f"| {material} | {name_of(mixtures)} | {row['bytes'] / 2**20:.2f} | {row['snr']:.2f} "
-              f"| {row['encode_s']:.1f} | {row['images_per_s']:.0f} |")
+              f"| {row['encode_s']:.1f} | {row['images_per_s']:.0f} "
+              f"| {', '.join(f'{100 * share:.2f} %' for share in wrong) if None not in wrong else '-'} |")
     for material in dict.fromkeys(key[0] for key in curve):
         kinds = sorted({key[2] for key in curve if key[0] == material})
         print(f"\n| {material}: total view rank | " + " | ".join(name_of(kind) for kind in kinds) + " |")

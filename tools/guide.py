@@ -14,7 +14,8 @@ import sys
 
 import numpy as np
 
-COLOURS = ["#0072b2", "#d55e00", "#009e73", "#b0468f", "#b8860b", "#3d9bd6", "#5a5a5a", "#7a4cc2"]
+COLOURS = ["#0072b2", "#d55e00", "#009e73", "#b0468f", "#b8860b", "#3d9bd6", "#5a5a5a", "#7a4cc2",
+           "#8c564b"]
 # Options that change how precisely the same model is made or kept, rather than what is modelled.
 PRECISION = ["--storage", "--svd", "--arithmetic", "--update", "--method", "--device", "--transform"]
 
@@ -45,6 +46,11 @@ CODECS = {
     "sparse": ("Sparse tensor decomposition: a dictionary and two sparse tensors, by K-SVD.",
                "A value takes k1 k2 products. Encoding iterates; lists hold indices, which do not become "
                "fewer bits with `--storage`."),
+    "vq": ("Multi-level vector quantisation: nested code-books of slices, and one index for each texel.",
+           "A value is a chain of look-ups; texels that are alike share an entry, so that ratios grow with the size "
+           "of the texture. Onion slices lose what lies between their nodes, whatever the threshold; `--grid "
+           "measured` does not. Lights are sampled directly. Goals try thresholds, a fit "
+           "each."),
 }
 
 
@@ -237,7 +243,7 @@ def draw(results, path):
            f'<rect width="{total[0]}" height="{total[1]}" fill="#fbfaf8"/>']
     for i, codec in enumerate(results.codecs):
         x = gap + 46 + 110 * i
-        out.append(f'<line x1="{x}" x2="{x + 22}" y1="20" y2="20" stroke="{COLOURS[i % 8]}" stroke-width="3"/>'
+        out.append(f'<line x1="{x}" x2="{x + 22}" y1="20" y2="20" stroke="{COLOURS[i % len(COLOURS)]}" stroke-width="3"/>'
                    f'<text x="{x + 28}" y="24">{codec}</text>')
     for i, material in enumerate(m["name"] for m in results.materials):
         out.append(f'<g transform="translate({gap + i % columns * (width + gap)},'
@@ -258,8 +264,8 @@ def draw(results, path):
         for k, codec in enumerate(results.codecs):
             places = [place(p) for p in front([p for p in results.of(material, codec) if p in done])]
             line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-            out.append(f'<polyline points="{line}" fill="none" stroke="{COLOURS[k % 8]}" stroke-width="2"/>')
-            out += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{COLOURS[k % 8]}"/>' for x, y in places]
+            out.append(f'<polyline points="{line}" fill="none" stroke="{COLOURS[k % len(COLOURS)]}" stroke-width="2"/>')
+            out += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{COLOURS[k % len(COLOURS)]}"/>' for x, y in places]
         out.append("</g>")
     with open(path, "w", encoding="utf-8") as file:
         file.write("\n".join(out + ["</svg>", ""]))
