@@ -13,6 +13,7 @@
 
 #include "support/shared_device.hpp"
 #include "weft/codecs/codec.hpp"
+#include "weft/codecs/compress.hpp"
 #include "weft/codecs/measure.hpp"
 
 namespace weft::test {
@@ -32,6 +33,19 @@ struct CodecRun {
                                 Storage storage) const {
     Job job;
     return encode(source, parameters, storage, job);
+  }
+
+  // The model that meets a goal, found as for `weft compress --target`.
+  std::unique_ptr<Model> meet(TileSource& source, const std::string& target,
+                              const Parameters& parameters = {},
+                              Storage storage = Storage::f16) const {
+    CompressRequest request;
+    request.codec = &get();
+    request.parameters = parameters;
+    request.storage = storage_request(storage == Storage::f16 ? "f16" : "f32");
+    request.goal = parse_goal(target, source.info());
+    Job job;
+    return compress(on_device ? &shared_device() : nullptr, source, request, job).model;
   }
 
   ErrorSums measure(const Model& model, TileSource& source, bool nan_zero = false) const {

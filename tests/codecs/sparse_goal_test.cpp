@@ -102,7 +102,7 @@ SparseFit search(MadeUpEncoder& encoder, const SparseOptions& options,
 
 // Where fits are better or worse than foreseen, but in the same order, no smaller model meets it.
 TEST(SparseSearch, ErrorsAreMetByTheFewestBytes) {
-  for (const double part : {0.7, 1.0, 1.15}) {
+  for (const double part : {0.7, 1.0, 1.01, 1.15}) {
     const auto error = [&](std::size_t k1, std::size_t k2) {
       return part * std::sqrt(1e-4 + MadeUpEncoder::squares(k1, k2));
     };

@@ -171,7 +171,7 @@ TEST(Tt, SizesAreMetAndUsed) {
   for (const CodecRun& run : {device_run, reference_run}) {
     double before = 1;
     for (const std::size_t bytes : {6000, 9000, 20000}) {
-      const auto model = run.encode(*source, goal("size=" + std::to_string(bytes)), Storage::f16);
+      const auto model = run.meet(*source, "size=" + std::to_string(bytes));
       const std::size_t size = model_file_size(*model);
       EXPECT_LE(size, bytes);
       EXPECT_GE(size + 512, bytes * 9 / 10U);  // errors and selection have room kept
@@ -180,7 +180,7 @@ TEST(Tt, SizesAreMetAndUsed) {
       before = error;
     }
     expect_error(ErrorKind::unmet_goal, {"--target size=1000"},
-                 [&] { run.encode(*source, goal("size=1000"), Storage::f16); });
+                 [&] { run.meet(*source, "size=1000"); });
   }
 }
 
@@ -230,10 +230,17 @@ TEST(Tt, RanksAreDroppedWhereLeastIsLost) {
   train.ranks = {1, 2, 2, 2, 2, 1};
   train.values = {{{9, 5}, {9, 1}, {9, 4}, {9, 3}}};
   // 8 + 16 + 16 + 16 + 8 = 64 numbers; without the second of bond 2 they are 48
-  EXPECT_EQ(ranks_within(train, 64), (reference::BondRanks{2, 2, 2, 2}));
-  EXPECT_EQ(ranks_within(train, 63), (reference::BondRanks{2, 1, 2, 2}));
-  EXPECT_EQ(ranks_within(train, 20), (reference::BondRanks{1, 1, 1, 1}));
-  EXPECT_EQ(ranks_within(train, 1), (reference::BondRanks{1, 1, 1, 1}));
+  const std::vector<TrainCut> cuts = train_cuts(train);
+  ASSERT_EQ(cuts.size(), 5U);
+  EXPECT_EQ(cuts[0].ranks, (reference::BondRanks{2, 2, 2, 2}));
+  EXPECT_EQ(cuts[0].coefficients, 64U);
+  EXPECT_EQ(cuts[0].lost, 0);
+  EXPECT_EQ(cuts[1].ranks, (reference::BondRanks{2, 1, 2, 2}));
+  EXPECT_EQ(cuts[1].coefficients, 48U);
+  EXPECT_EQ(cuts[1].lost, 1);
+  EXPECT_EQ(cuts[4].ranks, (reference::BondRanks{1, 1, 1, 1}));
+  EXPECT_EQ(cuts[4].coefficients, 20U);
+  EXPECT_EQ(cuts[4].lost, 1 + 9 + 16 + 25);
 }
 
 TEST(Tt, OrdersAreChosenAndNamed) {

@@ -12,6 +12,7 @@
 #include "support/generators.hpp"
 #include "support/matchers.hpp"
 #include "support/memory_btf.hpp"
+#include "weft/model/file_sizer.hpp"
 #include "weft/model/tucker.hpp"
 #include "weft/reference/factorise.hpp"
 #include "weft/reference/mode_product.hpp"
@@ -160,8 +161,7 @@ TEST_P(Tucker, RelativeErrorsAreMet) {
         source_of(shape, DType::f32, tensor_of_ranks(shape, {12, 11, 14, 13, 3}, decay, 6));
     for (const double wanted : {0.3, 0.1, 0.02, 0.002}) {
       for (const char* method : {"hosvd", "sthosvd", "hooi"}) {
-        const auto model = run().encode(
-            *source, {{"target", fmt::format("rel={}", wanted)}, {"method", method}}, Storage::f16);
+        const auto model = run().meet(*source, fmt::format("rel={}", wanted), {{"method", method}});
         const double found = relative(run().measure(*model, *source));
         EXPECT_LE(found, wanted) << method;
         // one rank less of one mode would be too few, or nearly
@@ -174,16 +174,15 @@ TEST_P(Tucker, RelativeErrorsAreMet) {
 TEST_P(Tucker, SizesAreMetAndUsed) {
   const auto source = decaying_source();
   for (const char* target : {"size=20KiB", "size=30KiB", "ratio=12"}) {
-    const auto model = run().encode(*source, {{"target", target}}, Storage::f16);
+    const auto model = run().meet(*source, target);
     const std::size_t most = target[0] == 'r'   ? source->info().bytes() / 12
                              : target[5] == '2' ? std::size_t{20} << 10
                                                 : std::size_t{30} << 10;
     EXPECT_LE(model_file_size(*model), most) << target;
     EXPECT_GE(model_file_size(*model), most * 8 / 10) << target;
   }
-  expect_error(ErrorKind::unmet_goal, {"--target size=1KiB"}, [&] {
-    run().encode(*source, {{"target", "size=1KiB"}}, Storage::f16);
-  });
+  expect_error(ErrorKind::unmet_goal, {"--target size=1KiB"},
+               [&] { run().meet(*source, "size=1KiB"); });
 }
 
 // At the size of ranks in equal proportion to the modes, with the measured errors in the file,
@@ -201,8 +200,7 @@ TEST_P(Tucker, ChosenRanksAreNoWorseThanEqualProportions) {
       }
       const auto equal = run().encode(*source, {{"ranks", text}}, Storage::f16);
       const auto chosen =
-          run().encode(*source, {{"target", fmt::format("size={}", model_file_size(*equal) + 256)}},
-                       Storage::f16);
+          run().meet(*source, fmt::format("size={}", FileSizer().size_with_errors(*equal) + 64));
       EXPECT_LE(relative(run().measure(*chosen, *source)),
                 relative(run().measure(*equal, *source)) * (1 + 1e-3))
           << text;
@@ -227,14 +225,12 @@ TEST_P(Tucker, BadRequestsAreNamed) {
   refused({{"start", "hooi"}}, {"--start hooi"});
   refused({{"iterations", "-1"}}, {"--iterations -1"});
   refused({{"arithmetic", "f16"}}, {"--arithmetic f16"});
-  refused({{"target", "rel=0"}}, {"--target rel=0"});
   EXPECT_EQ(source->images_read(), 0U);
-  expect_error(ErrorKind::unmet_goal, {"--target rel=1e-8"}, [&] {
-    encode(*source, {{"target", "rel=1e-8"}});
-  });
+  expect_error(ErrorKind::unmet_goal, {"--target rel=1e-8", "float factors"},
+               [&] { run().meet(*source, "rel=1e-8"); });
   // ranks that do not reach the goal
   expect_error(ErrorKind::unmet_goal, {"--target rel=0.1", "v=2,x=3"}, [&] {
-    encode(*source, {{"target", "rel=0.1"}, {"ranks", "v=2,x=3"}});
+    run().meet(*source, "rel=0.1", {{"ranks", "v=2,x=3"}});
   });
 }
 
@@ -242,7 +238,7 @@ TEST_P(Tucker, BadRequestsAreNamed) {
 TEST_P(Tucker, ModelsSayTheRanksThatTheyHave) {
   const auto source = random_source(shape, DType::f16, 4);
   for (const char* target : {"size=8KiB", "size=12KiB", "size=20000", "size=31234"}) {
-    const auto model = encode(*source, {{"target", target}});
+    const auto model = run().meet(*source, target, {}, Storage::f32);
     const auto said = nlohmann::json::parse(model->info.parameters).at("ranks");
     const TuckerModel& tucker = as_tucker(*model);
     for (std::size_t n = 0; n < tucker.ranks.size(); ++n) {
@@ -255,7 +251,7 @@ TEST_P(Tucker, ModelsSayTheRanksThatTheyHave) {
 TEST_P(Tucker, ZerosHaveAGoalToo) {
   const auto source = source_of(shape, DType::f16, std::vector<double>(shape.values(), 0.0));
   for (const char* target : {"rel=0.1", "size=20KiB"}) {
-    const auto model = run().encode(*source, {{"target", target}}, Storage::f16);
+    const auto model = run().meet(*source, target);
     EXPECT_EQ(run().measure(*model, *source).max_difference, 0) << target;
   }
 }

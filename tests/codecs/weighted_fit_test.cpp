@@ -141,6 +141,80 @@ TEST_P(WeightedCodec, RecoversWhatIsExact) {
   }
 }
 
+// What a model decodes to is divided, whatever its modes and factors are: factors that are powers
+// of two leave all bits as they are.
+TEST_P(WeightedCodec, DividesWhatIsDecoded) {
+  const BtfShape shape{4, 5, 6, 7, 3};
+  const auto source = sum_of_products(shape, 5, 0.2, 3);
+  const auto powers = [](std::size_t count, std::size_t step) {
+    std::vector<double> factors;
+    for (std::size_t i = 0; i < count; ++i) {
+      factors.push_back(std::exp2(static_cast<double>(i * step % 5) - 2));
+    }
+    return factors;
+  };
+  Weights all{powers(shape.views, 3), powers(shape.lights, 2), {}};
+  const std::vector<double> rows = powers(shape.height, 4);
+  const std::vector<double> columns = powers(shape.width, 3);
+  for (const double row : rows) {
+    for (const double column : columns) all.texels.push_back(row * column);
+  }
+  std::vector<Parameters> asked{parameters_of(run(), 2)};
+  const std::string& codec = run().codec;
+  if (codec == "sparse") asked = {{{"atoms", "8,6"}, {"k1", "2"}, {"k2", "3"}}};
+  if (codec == "lpca") asked.push_back({{"clusters", "3"}, {"rank", "1"}});
+  if (codec == "tt") asked.push_back({{"rank", "3"}, {"order", "l,v,c,y,x"}});
+  if (codec == "tucker") {
+    for (const char* merge : {"yxc", "vl,yx", "lc"}) {
+      asked.push_back({{"rank", "2"}, {"merge", merge}});
+    }
+    for (const char* ranks : {"v=2", "l=2,x=3", "y=2,c=2"}) asked.push_back({{"ranks", ranks}});
+  }
+  if (codec == "cta" || codec == "kcta") {
+    for (const char* mode : {"v", "lc", "y"}) {
+      asked.push_back({{"rank", "2"}, {"clusters", "2"}, {"mode", mode}});
+      asked.push_back({{"rank", "2"}, {"clusters", "2"}, {"mode", mode}, {"global", "none"}});
+    }
+    asked.push_back({{"ranks", "v=2"}, {"clusters", "2"}});
+  }
+  for (const Parameters& parameters : asked) {
+    const auto model = run().encode(*source, parameters, Storage::f32);
+    const auto values = [&] {
+      std::vector<double> decoded(shape.values());
+      for (std::size_t i = 0; i < decoded.size(); i += 3) {
+        const std::size_t p = i / 3 % shape.texels();
+        const std::size_t image = i / shape.image_values();
+        model->decode_texel(image / shape.lights, image % shape.lights, p / shape.width,
+                            p % shape.width, std::span(decoded).subspan(i, 3));
+      }
+      return decoded;
+    };
+    std::vector<double> before = values();
+    for (const Weights& factors :
+         {Weights{all.views, {}, {}}, Weights{{}, all.lights, {}}, Weights{{}, {}, all.texels}}) {
+      // a mean is of all texels: it has no part in their weights
+      if (!factors.texels.empty() && run().get().removes_mean()) {
+        std::size_t n = 0;
+        for (const ModelTensor& tensor : model->tensors()) {
+          if (tensor.dtype != DType::f32) continue;
+          const std::span<float> mean = model->real_values()[n++];
+          if (tensor.name == "mean") std::fill(mean.begin(), mean.end(), 0.0f);
+        }
+        before = values();
+      }
+      model->divide(factors);
+      double largest = 0;
+      for (std::size_t i = 0; i < before.size(); ++i) {
+        before[i] /= factors.image(i / shape.image_values(), shape.lights) *
+                     factors.texel(i / 3 % shape.texels());
+        largest = std::max(largest, std::abs(before[i]));
+      }
+      // sums of double products of the same floats, in the same order
+      EXPECT_TRUE(all_near(values(), before, 1e-12 * largest)) << model->info.parameters;
+    }
+  }
+}
+
 TEST_P(WeightedCodec, BitsDoNotDependOnMemory) {
   const BtfShape shape{4, 5, 6, 7, 3};
   const auto source = sum_of_products(shape, 5, 0.2, 3);

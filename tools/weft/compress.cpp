@@ -96,17 +96,22 @@ void run_compress(const CompressOptions& options) {
   std::shared_ptr<TileSource> input;
   if (codec && codec->name() == "tt" && ModelFile::looks_like(input_file)) {
     given = read_model(input_file);
+    const ModelSelection part = make_selection(options.selection, given->info, input_file);
+    if (!part.part.selects_all()) given = selected_model(given, part.part, input_file);
     device = open_device(options.device, options.report);
     input = decoded_source(device.get(), given);
   } else {
     input = open_raw_btf(input_file);
   }
   const auto train = std::dynamic_pointer_cast<const TtModel>(given);
-  RecordedSelection selection = make_selection(options.selection, input->info());
-  if (given && (!train || !selection.selects_all())) {
-    fail_input("{}: of models, a whole one of codec tt can be cut further; this is of codec {}",
-               input_file, given->info.codec);
+  if (given && !train) {
+    fail_input(
+        "{}: of models, one of codec tt can be cut further, in all channels where its colour "
+        "transform mixes them; this is of codec {}",
+        input_file, given->info.codec);
   }
+  RecordedSelection selection;
+  if (!given) selection = make_selection(options.selection, input->info());
   Weights weights;
   if (!options.weights.empty()) {
     if (given) {

@@ -26,7 +26,7 @@ namespace {
 
 using By = TensorTiles::By;
 
-// Room in the squared error, and in bytes, that the first cuts leave to cut_to_goal().
+// Room in the squared error, and in bytes, that a fit leaves to the goal's cuts.
 constexpr double first_share = 0.25;
 constexpr double first_bytes = 3;
 
@@ -86,7 +86,7 @@ class Fitter {
     } else {
       sthosvd();
     }
-    fit_.errors.discarded = cut_to_goal(*fit_.model, request_, squares(), lost_);
+    fit_.errors.discarded = lost_;
     if (iterates) iterate();
     finish();
     return std::move(fit_);
@@ -295,7 +295,7 @@ class Fitter {
       const auto most = static_cast<double>(request_.bytes);
       const RankChoice choice = cut_ranks(std::span<const std::vector<double>>(values), sizes_,
                                           bytes, {0, first_bytes * most});
-      // what is left must hold ranks in equal proportion too, for cut_to_goal() to compare
+      // what is left must hold ranks in equal proportion too, for the goal's cuts to compare
       const std::vector<std::size_t> equal = equal_proportion(bytes, most);
       for (std::size_t n = 0; n < ranks.size(); ++n) {
         ranks[n] = std::min(ranks[n], std::max(choice.ranks[n], equal[n]));

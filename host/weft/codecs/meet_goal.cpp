@@ -67,7 +67,9 @@ class Search {
         fail_unmet(error.what());
       }
     }
-    if (goal_.by_size() && !steps_.store_to_size) {
+    if (steps_.store_to_size && models) {
+      decompose_nearer(request, std::move(models));
+    } else if (goal_.by_size()) {
       result_.measured = steps_.measure(*result_.model);
       ++result_.trials;
     } else if (steps_.store_to_goal && models) {
@@ -387,9 +389,21 @@ class Search {
       exhausted_ = true;
       return false;
     }
-    const bool done = best + 1 < models.count() || models.complete() || exhausted_;
-    if (done) job_.notes.insert(job_.notes.end(), best_notes_.begin(), best_notes_.end());
-    return done;
+    return best + 1 < models.count() || models.complete() || exhausted_;
+  }
+
+  // Where cuts lose more than they have to and the best is a far one, those of a decomposition of
+  // about its own numbers are tried too.
+  void decompose_nearer(NestedRequest request, std::unique_ptr<NestedModels> models) {
+    constexpr double far = 0.7;
+    if (models->cuts_lose() && best_values_ < far * largest_values_) {
+      request.growth = best_values_ / static_cast<double>(request.values);
+      request.spectra = models->spectra();
+      models.reset();
+      models = decompose(request);
+      (void)most_accurate(*models);
+    }
+    job_.notes.insert(job_.notes.end(), best_notes_.begin(), best_notes_.end());
   }
 
   // Of a model whose errors are not measured yet.

@@ -87,6 +87,8 @@ class NestedKcta final : public NestedModels {
   bool complete() const override { return !made_.bound.empty(); }
   std::string bound() const override { return made_.bound; }
   std::size_t decompositions() const override { return made_.decompositions; }
+  // Mixtures are found for the cores as large as they are.
+  bool cuts_lose() const override { return made_.fit.model->mixtures > 1; }
   std::shared_ptr<const ModeSpectra> spectra() const override { return made_.spectra; }
 
   std::unique_ptr<Model> model(std::size_t i) const override {

@@ -48,6 +48,8 @@ class NestedModels {
   virtual std::string bound() const = 0;
   // Decompositions that it took.
   virtual std::size_t decompositions() const { return 1; }
+  // Whether a decomposition of fewer numbers holds better models of so many than this one's cuts.
+  virtual bool cuts_lose() const { return false; }
   // What a larger decomposition of the same data need not find again; null where there is nothing.
   virtual std::shared_ptr<const ModeSpectra> spectra() const { return nullptr; }
 };

@@ -11,7 +11,6 @@
 
 #include "weft/btf/selection.hpp"
 #include "weft/error.hpp"
-#include "weft/model/model_file.hpp"
 
 namespace weft {
 namespace {
@@ -105,72 +104,6 @@ std::unique_ptr<TtModel> fit_to_error(const TtOptions& options, const BtfInfo& s
        options.goal.text, found);
 }
 
-// Errors and the selection are written into the header once they are known.
-std::size_t file_size(const TtModel& model) {
-  constexpr std::size_t kept_room = 512;
-  return model_file_size(model) + kept_room;
-}
-
-using StoreTrain = std::function<std::unique_ptr<TtModel>(const TensorTrain& train)>;
-
-// The train with ranks cut by TT-rounding until it is stored in so many bytes, `number` for each of
-// its numbers; null where no ranks are small enough.
-std::unique_ptr<TtModel> cut_to_size(const TensorTrain& train, std::size_t bytes,
-                                     std::size_t number, const StoreTrain& stored) {
-  // What stands beside the numbers, scales among it, shrinks with them: by how much, two trains
-  // tell.
-  auto model = stored(train);
-  if (file_size(*model) <= bytes) return model;
-  std::unique_ptr<TtModel> best;
-  double bytes_of_number = static_cast<double>(number);
-  constexpr int most_cuts = 5;
-  for (int cuts = 0; cuts < most_cuts || !best; ++cuts) {
-    const double size = static_cast<double>(file_size(*model));
-    const double coefficients = static_cast<double>(model->coefficients());
-    const double wanted_coefficients =
-        coefficients + std::floor((static_cast<double>(bytes) - size) / bytes_of_number);
-    if (wanted_coefficients < 1) break;
-    reference::TrainRequest request;
-    request.ranks = ranks_within(train, static_cast<std::size_t>(wanted_coefficients));
-    const TensorTrain cut = reference::tt_round(train, request).train;
-    const bool too_large = static_cast<double>(cut.coefficients()) > wanted_coefficients;
-    auto next = stored(cut);
-    const bool same = next->coefficients() == model->coefficients();
-    if (!same) {
-      bytes_of_number = std::max(bytes_of_number / 2,
-                                 (size - static_cast<double>(file_size(*next))) /
-                                     (coefficients - static_cast<double>(next->coefficients())));
-    }
-    model = std::move(next);
-    const bool fits = file_size(*model) <= bytes;
-    if (fits && (!best || model->coefficients() > best->coefficients())) best = stored(cut);
-    if (same || too_large) break;  // a train of ranks 1, or no finer steps
-  }
-  return best;
-}
-
-std::unique_ptr<TtModel> fit_to_size(const TtOptions& options, const BtfInfo& source,
-                                     Storage storage, const FitTrain& fit, Job& job) {
-  const auto stored = [&](const TensorTrain& train) {
-    auto model =
-        store_train(train, options.order, source, storage, std::numeric_limits<double>::infinity());
-    describe(*model, options);
-    return model;
-  };
-  const std::size_t number = storage == Storage::f16 ? 2 : 4;
-  // Ranks cut back from a larger train by their energy are better than those of equal errors.
-  constexpr double wanted = 1.6;
-  std::size_t fits = 0;
-  const TrainFit made =
-      fit_beyond(wanted * static_cast<double>(options.goal.bytes) / static_cast<double>(number),
-                 fit, fits, job);
-  if (auto model = cut_to_size(made.train, options.goal.bytes, number, stored)) return model;
-  reference::TrainRequest least;
-  least.ranks.fill(1);
-  fail(ErrorKind::unmet_goal, "--target {}: the smallest train is a file of {} bytes",
-       options.goal.text, file_size(*stored(reference::tt_round(made.train, least).train)));
-}
-
 }  // namespace
 
 void describe(TtModel& model, const TtOptions& options) {
@@ -199,6 +132,9 @@ TtOptions tt_options(const Codec& codec, const Parameters& parameters, const Btf
     if (!options.choose_order) options.order = parse_order(*order, "--order");
   }
   options.goal = fit_goal(parameters, source);
+  if (options.goal.kind == FitGoal::Kind::size) {
+    fail_input("--target {}: a train of its own search is of a relative error", options.goal.text);
+  }
   for (const char* name : {"ranks", "rank"}) {
     const std::string* value = given(name);
     if (value == nullptr) continue;
@@ -349,22 +285,12 @@ std::vector<TrainCut> train_cuts(const TensorTrain& train) {
   }
 }
 
-reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coefficients) {
-  const std::vector<TrainCut> cuts = train_cuts(train);
-  for (const TrainCut& cut : cuts) {
-    if (cut.coefficients <= coefficients) return cut.ranks;
-  }
-  return cuts.back().ranks;
-}
-
 std::unique_ptr<TtModel> fit_to_goal(const TtOptions& options, const BtfInfo& source,
                                      Storage storage, const FitTrain& fit,
                                      const MeasureTrain& measure, Job& job) {
   std::unique_ptr<TtModel> model;
   if (options.goal.kind == FitGoal::Kind::relative) {
     model = fit_to_error(options, source, storage, fit, measure, job);
-  } else if (options.goal.kind == FitGoal::Kind::size) {
-    model = fit_to_size(options, source, storage, fit, job);
   } else {
     reference::TrainRequest request;
     request.ranks = options.ranks;

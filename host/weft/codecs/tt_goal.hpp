@@ -40,9 +40,6 @@ using MeasureTrain = std::function<double(const TtModel& model)>;
 //   not
 //          fit in stay float; the stored model's error is measured, and what misses the goal is
 //          fitted again, more tightly
-//   size   fits of ever smaller error until one is too large; it is cut back to the size by
-//          TT-rounding, with ranks from its singular values: again and again the direction is
-//          dropped that holds the least energy for the numbers it takes
 std::unique_ptr<TtModel> fit_to_goal(const TtOptions& options, const BtfInfo& source,
                                      Storage storage, const FitTrain& fit,
                                      const MeasureTrain& measure, Job& job);
@@ -62,8 +59,5 @@ std::vector<TrainCut> train_cuts(const TensorTrain& train);
 
 // What a model's info says of it.
 void describe(TtModel& model, const TtOptions& options);
-
-// Ranks of at most `coefficients` numbers in all, chosen as above.
-reference::BondRanks ranks_within(const TensorTrain& train, std::size_t coefficients);
 
 }  // namespace weft

@@ -85,10 +85,14 @@ class NestedTucker final : public NestedModels {
  public:
   NestedTucker(TuckerFit fit, const TuckerRequest& request)
       : fit_(std::move(fit)), request_(request) {
-    request_.leaves_cuts = false;
     request_.bytes = 0;
     lost_ = std::max(0.0, fit_.errors.squares - fit_.errors.core_squares);
     least_ = fit_.errors.squares > 0 ? std::sqrt(lost_ / fit_.errors.squares) : 1.0;
+    largest_ = fit_.model->ranks;
+    // of zeros nothing is lost
+    for (std::size_t n = 0; n < largest_.size() && fit_.errors.squares == 0; ++n) {
+      if (fit_.model->has_factor(n)) largest_[n] = 1;
+    }
     const double decibels = -20 * std::log10(std::max(least_, finest));
     steps_ = static_cast<std::size_t>(std::ceil(decibels / step));
   }
@@ -118,6 +122,7 @@ class NestedTucker final : public NestedModels {
   }
 
   bool complete() const override {
+    if (fit_.errors.squares == 0) return true;
     for (std::size_t n = 0; n < request_.most.size(); ++n) {
       if (fit_.model->ranks[n] < request_.most[n]) return false;
     }
@@ -139,7 +144,7 @@ class NestedTucker final : public NestedModels {
   static constexpr double finest = 1e-6;  // of the errors that are told apart
 
   const std::vector<std::size_t>& ranks(std::size_t i) const {
-    if (i == steps_) return fit_.model->ranks;
+    if (i == steps_) return largest_;
     const auto [found, made] = ranks_.try_emplace(i);
     if (made) {
       TuckerRequest request = request_;
@@ -154,6 +159,7 @@ class NestedTucker final : public NestedModels {
   double lost_ = 0;   // |D|^2 - |Z|^2
   double least_ = 0;  // the same as a relative error
   std::size_t steps_ = 0;
+  std::vector<std::size_t> largest_;
   mutable std::map<std::size_t, std::vector<std::size_t>> ranks_;  // that were asked for
 };
 
@@ -174,19 +180,19 @@ class TuckerCodec final : public Codec {
 
   std::unique_ptr<Model> encode(Device& device, TileSource& source, const Parameters& parameters,
                                 Storage storage, Job& job) const override {
-    TuckerParameters asked = tucker_options(*this, parameters, source.info(), storage, &device);
-    asked.options.request.header = header_of(asked.options.request, source.info());
-    ops::require_arithmetic(device, asked.options.gram);
-    job.plan(plan_tucker(device, source, asked.options, job));
-    return finish(fit_tucker(device, source, asked.options, job), asked, source.info(), job);
+    const TuckerOptions options =
+        tucker_options(*this, parameters, source.info(), {}, storage, &device);
+    ops::require_arithmetic(device, options.gram);
+    job.plan(plan_tucker(device, source, options, job));
+    return finish(fit_tucker(device, source, options, job), options, source.info(), job);
   }
 
   std::unique_ptr<Model> encode_reference(TileSource& source, const Parameters& parameters,
                                           Storage storage, Job& job) const override {
-    TuckerParameters asked = tucker_options(*this, parameters, source.info(), storage, nullptr);
-    asked.options.request.header = header_of(asked.options.request, source.info());
-    return finish(reference::encode_tucker(source, asked.options.request, job), asked,
-                  source.info(), job);
+    const TuckerOptions options =
+        tucker_options(*this, parameters, source.info(), {}, storage, nullptr);
+    return finish(reference::encode_tucker(source, options.request, job), options, source.info(),
+                  job);
   }
 
   // Ranks that are given are the most.
@@ -194,33 +200,34 @@ class TuckerCodec final : public Codec {
                                        const Parameters& parameters, const NestedRequest& request,
                                        Job& job) const override {
     const BtfInfo& info = source.info();
-    Parameters with_goal = parameters;
+    FitGoal goal;
     // float, so that the error is that of the factors before they are rounded
     Storage storage = Storage::f32;
     if (request.relative > 0) {
       constexpr double loosest = 0.999;
-      with_goal["target"] = fmt::format("rel={}", std::min(request.relative, loosest));
+      goal.kind = FitGoal::Kind::relative;
+      goal.relative = std::min(request.relative, loosest);
+      goal.text = fmt::format("rel={}", goal.relative);
     } else {
       storage = request.storage;
       const double bytes = static_cast<double>(request.values) *
                            (storage == Storage::f16 ? 2.0 : 4.0) * request.growth;
-      with_goal["target"] = fmt::format("size={:.0f}", std::max(bytes, 1.0));
+      goal.kind = FitGoal::Kind::size;
+      goal.bytes = std::max<std::size_t>(static_cast<std::size_t>(bytes), 1);
     }
-    TuckerParameters asked = tucker_options(*this, with_goal, info, storage, device);
-    asked.options.request.leaves_cuts = true;
-    asked.options.request.header = header_of(asked.options.request, info);
+    TuckerOptions options = tucker_options(*this, parameters, info, goal, storage, device);
+    options.request.header = header_of(options.request, info);
     TuckerFit fit;
     if (device) {
-      ops::require_arithmetic(*device, asked.options.gram);
-      job.plan(plan_tucker(*device, source, asked.options, job));
-      fit = fit_tucker(*device, source, asked.options, job);
+      ops::require_arithmetic(*device, options.gram);
+      job.plan(plan_tucker(*device, source, options, job));
+      fit = fit_tucker(*device, source, options, job);
     } else {
-      fit = reference::encode_tucker(source, asked.options.request, job);
+      fit = reference::encode_tucker(source, options.request, job);
     }
-    asked.goal = FitGoal();
-    asked.options.request.storage = request.storage;
-    describe(fit, asked, info, job);
-    return std::make_unique<NestedTucker>(std::move(fit), asked.options.request);
+    options.request.storage = request.storage;
+    describe(fit, options, info, job);
+    return std::make_unique<NestedTucker>(std::move(fit), options.request);
   }
 
   std::unique_ptr<Model> fitted_part(const Model& model,
@@ -300,16 +307,10 @@ class TuckerCodec final : public Codec {
     return std::sqrt(*std::max_element(squares.begin(), squares.end()));
   }
 
-  std::unique_ptr<Model> finish(TuckerFit fit, const TuckerParameters& asked, const BtfInfo& source,
+  std::unique_ptr<Model> finish(TuckerFit fit, const TuckerOptions& options, const BtfInfo& source,
                                 Job& job) const {
-    const TuckerRequest& request = asked.options.request;
-    check_ranks(*fit.model, request, asked, factors_error(fit));
-    describe(fit, asked, source, job);
-    if (!asked.note.empty()) job.notes.push_back(asked.note);
+    describe(fit, options, source, job);
     round_to_storage(*fit.model);
-    const std::vector<std::size_t> stated = fit.model->ranks;
-    check_goal(*fit.model, request, asked);
-    if (fit.model->ranks != stated) restate_ranks(*fit.model);
     return std::move(fit.model);
   }
 
@@ -320,9 +321,9 @@ class TuckerCodec final : public Codec {
   }
 
   // The model's info, and what the report says.
-  void describe(const TuckerFit& fit, const TuckerParameters& asked, const BtfInfo& source,
+  void describe(const TuckerFit& fit, const TuckerOptions& options, const BtfInfo& source,
                 Job& job) const {
-    const TuckerRequest& request = asked.options.request;
+    const TuckerRequest& request = options.request;
     TuckerModel& model = *fit.model;
     model.info.codec = name();
     model.info.storage = request.storage;
@@ -339,64 +340,21 @@ class TuckerCodec final : public Codec {
     std::string how(name_of(request.method));
     if (iterates) how += fmt::format(" ({} from {})", request.iterations, name_of(request.start));
     model.info.parameters = with_room(fmt::format(
-        R"({{"merge":"{}","method":"{}","start":"{}","iterations":{},"target":"{}","arithmetic":"{}",)"
+        R"({{"merge":"{}","method":"{}","start":"{}","iterations":{},"arithmetic":"{}",)"
         R"("ranks":{{{}}},"sizes":{{{}}},{}}})",
         request.groups.merge(), name_of(request.method), iterates ? name_of(request.start) : "",
-        iterates ? request.iterations : 0, asked.goal.text,
-        asked.options.gram == Arithmetic::f64 ? "f64" : "f32",
+        iterates ? request.iterations : 0, options.gram == Arithmetic::f64 ? "f64" : "f32",
         ranks_json(model.groups, model.ranks), ranks_json(model.groups, model.groups.sizes()),
         errors));
     job.notes.push_back(fmt::format("{}, ranks {}; |D|^2 - |Z|^2: relative error {:.6g}", how,
                                     ranks_json(model.groups, model.ranks), factors));
-    if (request.method == TuckerMethod::hosvd && !asked.goal) {
+    if (request.method == TuckerMethod::hosvd && !request.has_goal()) {
       job.notes.push_back(fmt::format("bound of the relative error, eq. (4): {:.6g}",
                                       std::sqrt(fit.errors.bound / squares)));
     } else if (request.method == TuckerMethod::sthosvd) {
       job.notes.push_back(fmt::format("discarded singular values: relative error {:.6g}",
                                       std::sqrt(fit.errors.discarded / squares)));
     }
-  }
-
-  // The size is met by what is written, header and directions and all: where its header takes more
-  // than was foreseen, ranks are cut again.
-  void check_goal(TuckerModel& model, const TuckerRequest& request,
-                  const TuckerParameters& asked) const {
-    if (request.bytes == 0) return;
-    TuckerRequest smaller = request;
-    for (std::size_t size = model_file_size(model) + errors_room; size > request.bytes;
-         size = model_file_size(model) + errors_room) {
-      const std::size_t over = size - request.bytes;
-      if (over >= smaller.bytes) fail_size(size, asked);
-      smaller.bytes -= over;
-      const std::vector<std::size_t> before = model.ranks;
-      cut_to_goal(model, smaller, 1.0, 0.0);
-      if (model.ranks == before) fail_size(size, asked);
-      round_to_storage(model);
-    }
-  }
-
-  // A relative error is missed where ranks are given that do not reach it.
-  static void check_ranks(const TuckerModel& model, const TuckerRequest& request,
-                          const TuckerParameters& asked, double error) {
-    constexpr double rounding = 0x1p-20;  // of the squares that the error is the difference of
-    if (request.relative == 0 || error * error <= request.relative * request.relative + rounding) {
-      return;
-    }
-    std::string binding;
-    for (std::size_t n = 0; n < model.ranks.size(); ++n) {
-      const ModeGroup& group = model.groups.groups()[n];
-      if (request.most[n] >= group.size || model.ranks[n] < request.most[n]) continue;
-      binding += fmt::format("{}{}={}", binding.empty() ? "" : ",", group.name, model.ranks[n]);
-    }
-    if (binding.empty()) return;
-    fail(ErrorKind::unmet_goal,
-         "--target {}: {:.4g} was reached with the ranks {}, the most allowed", asked.goal.text,
-         error, binding);
-  }
-
-  [[noreturn]] static void fail_size(std::size_t size, const TuckerParameters& asked) {
-    fail(ErrorKind::unmet_goal, "--target {}: the smallest ranks take {} bytes, {} are allowed",
-         asked.goal.text, size, asked.goal.bytes);
   }
 };
 

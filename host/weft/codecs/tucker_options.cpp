@@ -17,26 +17,25 @@ TuckerMethod method_from(std::string_view option, std::string_view text, bool it
              iterates ? "hosvd, sthosvd or hooi" : "hosvd or sthosvd");
 }
 
-// Relative error by rounding core and factors to what is stored: each by at most half a unit in the
-// last place of every value, and errors of different tensors add up as squares, being orthogonal to
-// what the cut of the ranks leaves.
-double rounding_squares(Storage storage, const TuckerRequest& request) {
+// Relative error by rounding core and factors, and products on the way, to float: each by at most a
+// few units in the last place of every value, and errors of different tensors add up as squares,
+// being orthogonal to what the cut of the ranks leaves.
+double rounding_squares(const TuckerRequest& request) {
   double tensors = 1;
   for (std::size_t n = 0; n < request.groups.count(); ++n) tensors += request.cuts(n) ? 1 : 0;
-  // float: of the products on the way as well
-  const double unit = storage == Storage::f16 ? 0x1p-11 : 0x1p-21;
+  constexpr double unit = 0x1p-21;
   return tensors * unit * unit;
 }
 
 }  // namespace
 
-TuckerParameters tucker_options(const Codec& codec, const Parameters& parameters,
-                                const BtfInfo& source, Storage storage, const Device* device) {
-  TuckerParameters result;
-  TuckerRequest& request = result.options.request;
+TuckerOptions tucker_options(const Codec& codec, const Parameters& parameters,
+                             const BtfInfo& source, const FitGoal& goal, Storage storage,
+                             const Device* on_device) {
+  TuckerOptions result;
+  TuckerRequest& request = result.request;
   request.groups = ModeGroups(source.shape, value_of(codec, parameters, "merge"));
   request.storage = storage;
-  result.goal = fit_goal(parameters, source);
 
   // ranks
   const std::string_view ranks = value_of(codec, parameters, "ranks");
@@ -44,7 +43,7 @@ TuckerParameters tucker_options(const Codec& codec, const Parameters& parameters
   std::size_t others = 0;
   if (parameters.contains("rank")) {
     others = count_parameter(codec, parameters, "rank", 1);
-  } else if (ranks.empty() && !result.goal) {
+  } else if (ranks.empty() && !goal) {
     others = 32;
   }
   for (std::size_t n = 0; n < request.most.size(); ++n) {
@@ -58,34 +57,28 @@ TuckerParameters tucker_options(const Codec& codec, const Parameters& parameters
   request.iterations = count_parameter(codec, parameters, "iterations", 0);
 
   // goal
-  if (result.goal.kind == FitGoal::Kind::relative) {
-    request.relative = result.goal.relative;
-    const double wanted = request.relative * request.relative;
-    if (storage == Storage::f16 && rounding_squares(storage, request) > wanted / 2) {
-      request.storage = Storage::f32;
-      result.note = fmt::format("stored as f32: f16 does not hold {}", result.goal.text);
-    }
-    const double rounding = rounding_squares(request.storage, request);
+  if (goal.kind == FitGoal::Kind::relative) {
+    const double wanted = goal.relative * goal.relative;
+    const double rounding = rounding_squares(request);
     if (rounding > wanted / 2) {
-      fail(ErrorKind::unmet_goal, "--target {}: float factors hold no less than {:.1g}",
-           result.goal.text, std::sqrt(2 * rounding));
+      fail(ErrorKind::unmet_goal, "--target {}: float factors hold no less than {:.1g}", goal.text,
+           std::sqrt(2 * rounding));
     }
     request.relative = std::sqrt(wanted - rounding);
-  } else if (result.goal) {
-    request.bytes = result.goal.bytes;
-    if (request.bytes == 0) fail_input("--target {}: no bytes are left", result.goal.text);
+  } else if (goal) {
+    request.bytes = goal.bytes;
   }
 
   // arithmetic: of a float Gram matrix, eigenvalues below about n 2^-24 of the largest are noise
   const std::string_view arithmetic = value_of(codec, parameters, "arithmetic");
   if (arithmetic == "f64") {
-    result.options.gram = Arithmetic::f64;
+    result.gram = Arithmetic::f64;
   } else if (arithmetic != "f32" && !arithmetic.empty()) {
     fail_input("--arithmetic {}: f32 or f64 is needed", arithmetic);
   }
-  const bool has_fp64 = device != nullptr && device->limits().has_fp64;
+  const bool has_fp64 = on_device != nullptr && on_device->limits().has_fp64;
   if (arithmetic.empty() && has_fp64 && request.relative > 0 && request.relative < 0.01) {
-    result.options.gram = Arithmetic::f64;
+    result.gram = Arithmetic::f64;
   }
   return result;
 }

@@ -19,15 +19,10 @@ inline constexpr std::array<ParameterSpec, 7> tucker_parameters{{
     {"arithmetic", "", "of Gram matrices: f32, or f64, which finer goals than 0.01 take"},
 }};
 
-struct TuckerParameters {
-  TuckerOptions options;
-  FitGoal goal;
-  std::string note;  // what was decided beyond what was asked, for the report; or empty
-};
-
-// Throws input errors that name the option and the value; `storage` becomes f32 where half can't
-// meet a relative error. `on_device` is null for the reference.
-TuckerParameters tucker_options(const Codec& codec, const Parameters& parameters,
-                                const BtfInfo& source, Storage storage, const Device* device);
+// Throws input errors that name the option and the value, and the unmet goal where float factors do
+// not hold it. `on_device` is null for the reference.
+TuckerOptions tucker_options(const Codec& codec, const Parameters& parameters,
+                             const BtfInfo& source, const FitGoal& goal, Storage storage,
+                             const Device* on_device);
 
 }  // namespace weft

@@ -175,26 +175,10 @@ std::unique_ptr<TuckerModel> leading_model(const TuckerModel& model,
   return part;
 }
 
-double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squares, double lost) {
-  if (!request.has_goal() || request.leaves_cuts || (squares == 0 && request.bytes == 0)) {
-    return lost;
-  }
-  const RankChoice choice = ranks_to_goal(model, request, squares, lost);
-  keep_leading_part(model.core, model.ranks, choice.ranks);
-  for (std::size_t n = 0; n < model.ranks.size(); ++n) {
-    if (model.has_factor(n)) {
-      model.factors[n] = leading_columns(model.factors[n], model.ranks[n], choice.ranks[n]);
-    }
-  }
-  model.ranks = choice.ranks;
-  restore_short_modes(model);
-  return lost + choice.lost;
-}
-
 namespace reference {
 namespace {
 
-// Room in the squared error that the first cuts leave to cut_to_goal, and room in bytes.
+// Room in the squared error that a fit leaves to the goal's cuts, and room in bytes.
 constexpr double first_share = 0.25;
 constexpr double first_bytes = 3;
 
@@ -233,7 +217,7 @@ class Encoder {
     } else {
       sthosvd();
     }
-    fit_.errors.discarded = cut_to_goal(*fit_.model, request_, fit_.errors.squares, lost_);
+    fit_.errors.discarded = lost_;
     if (request_.method == TuckerMethod::hooi) iterate();
     for (const float value : fit_.model->core)
       fit_.errors.core_squares += double{value} * double{value};
@@ -260,7 +244,7 @@ class Encoder {
       const auto most = static_cast<double>(request_.bytes);
       const RankChoice choice =
           cut_ranks(spectra, request_.groups.sizes(), bytes, {0, first_bytes * most});
-      // what is left must hold ranks in equal proportion too, for cut_to_goal() to compare
+      // what is left must hold ranks in equal proportion too, for the goal's cuts to compare
       const std::vector<std::size_t> equal = equal_proportion(bytes, most);
       for (std::size_t n = 0; n < ranks.size(); ++n) {
         ranks[n] = std::min(ranks[n], std::max(choice.ranks[n], equal[n]));

@@ -34,19 +34,18 @@ struct TuckerRequest {
   TuckerMethod method = TuckerMethod::sthosvd;
   TuckerMethod start = TuckerMethod::sthosvd;  // of hooi
   std::size_t iterations = 3;
-  double relative = 0;    // goal: |D - D'| / |D| of the factors before they are stored; 0: none
-  std::size_t bytes = 0;  // goal: most bytes of the file; 0: none
+  // A goal's models are cut of the fit, see ranks_to_goal(), which has room for them to differ:
+  double relative = 0;    // |D - D'| / |D| of the factors before they are stored; 0: none
+  std::size_t bytes = 0;  // of the file; 0: none
   // Bytes of a file beside core and factors, of these ranks and modes with factors.
   std::function<std::size_t(std::span<const std::size_t>, std::span<const std::uint8_t>)> header;
   Storage storage = Storage::f16;
-  // Whether the last cuts to the goal, those of cut_to_goal(), are left to the caller.
-  bool leaves_cuts = false;
 
   bool has_goal() const { return relative > 0 || bytes > 0; }
   // Whether mode n is to be cut: given a rank, or of a goal and not too long for its Gram matrix.
   bool cuts(std::size_t n) const;
-  // Whether mode n takes a factor at this rank: where it is cut, or where cut_to_goal() may yet cut
-  // it, giving up the direction of `least` squares with `room` left for what is lost.
+  // Whether mode n takes a factor at this rank: where it is cut, or where the goal's cuts may yet
+  // cut it, giving up the direction of `least` squares with `room` left for what is lost.
   bool takes_factor(std::size_t n, std::size_t rank, double least, double room) const;
 };
 
@@ -76,16 +75,12 @@ std::vector<std::size_t> cheapest_cuts(std::span<const std::size_t> sizes,
 TuckerBytes tucker_bytes(const TuckerRequest& request, std::span<const std::uint8_t> factors);
 
 // The ranks that a model with orthonormal factors is cut to by the request's goal, and what squared
-// norm is lost with them; `lost` as below.
+// norm is lost with them; `lost`: what is lost already.
 RankChoice ranks_to_goal(const TuckerModel& model, const TuckerRequest& request, double squares,
                          double lost);
 // The model with these ranks, none above its own: core, factors and groups, without info.
 std::unique_ptr<TuckerModel> leading_model(const TuckerModel& model,
                                            std::span<const std::size_t> ranks);
-
-// Cuts the ranks of a model with orthonormal factors further, as the request's goal asks or allows;
-// `lost`: squared norm that is lost already. Returns what is lost in all.
-double cut_to_goal(TuckerModel& model, const TuckerRequest& request, double squares, double lost);
 
 namespace reference {
 
