@@ -7,10 +7,10 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "model/damage_model.hpp"
 #include "model/edit_model.hpp"
 #include "model/random_vq.hpp"
 #include "support/expect_error.hpp"
-#include "support/mutate.hpp"
 #include "support/temporary_folder.hpp"
 #include "weft/btf/mip.hpp"
 #include "weft/error.hpp"
@@ -239,24 +239,11 @@ TEST_F(VqBaseFile, FilesThatLieAreRefused) {
 // Bytes changed under right checksums: an error that says so, or models that can be decoded.
 TEST_F(VqBaseFile, DamagedFilesGiveErrorsOnly) {
   Random random(22);
-  std::size_t decoded = 0;
   write_vq_base(path(), two_materials(Storage::f16));
-  const EditableModel good(read_bytes(path()));
-  for (int i = 0; i < 300; ++i) {
-    EditableModel edited = good;
-    const std::size_t size = edited.data.size();
-    edited.data = mutate(edited.data, size, random);
-    edited.data.resize(size);
-    edited.set_checksums();
-    write_bytes(path("damaged.weft"), edited.file());
-    try {
-      const VqBase found = VqBase::read(path("damaged.weft"));
-      for (std::size_t m = 0; m < 2; ++m) values_of(*found.model(m));
-      ++decoded;
-    } catch (const Error& error) {
-      ASSERT_EQ(error.kind(), ErrorKind::input) << error.what();
-    }
-  }
+  const std::size_t decoded = damage_and_open(path(), 300, random, [&] {
+    const VqBase found = VqBase::read(path());
+    for (std::size_t m = 0; m < 2; ++m) values_of(*found.model(m));
+  });
   EXPECT_GT(decoded, 0U);
 }
 
