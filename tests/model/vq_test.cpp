@@ -174,6 +174,11 @@ TEST(VqModel, PartsKeepWhatTheyUse) {
     EXPECT_LE(part->sizes.p3, model.sizes.p3);
     const auto again = part->select({});
     EXPECT_EQ(again->sizes, part->sizes);
+    // what is between the directions of a part is interpolated
+    EXPECT_FALSE(again->takes_directions());
+    Selection texels;
+    texels.region = selection.region;
+    EXPECT_EQ(model.select(texels)->takes_directions(), model.takes_directions());
   }
 }
 

@@ -161,6 +161,7 @@ std::unique_ptr<VqModel> VqModel::select(const Selection& selection) const {
   auto model = std::make_unique<VqModel>();
   model->info = selected_info(info, part);
   model->chromaticities = chromaticities;
+  model->some_directions = some_directions || part.views || part.lights;
   for (const std::size_t channel : indices.channels) model->channels.push_back(channels[channel]);
   // measured directions are columns of code-books; onion slices are there for all directions
   const bool measured = grid.kind == VqGrid::Kind::measured;

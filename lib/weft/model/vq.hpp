@@ -91,6 +91,7 @@ struct VqModel final : Model {
   PackedIndices i1, i2;
   // Which of the fitted channels are decoded: 0 luminance, n chromaticity n - 1.
   std::vector<std::uint8_t> channels;
+  bool some_directions = false;  // views or lights were selected; not stored
 
   std::vector<ModelTensor> tensors() const override;
   std::vector<std::span<float>> real_values() override;
@@ -98,8 +99,11 @@ struct VqModel final : Model {
   void divide(const Weights& factors) override;
   void fitted_texel(std::size_t view, std::size_t light, std::size_t y, std::size_t x,
                     std::span<double> out) const override;
-  // Onion slices are of all directions.
-  bool takes_directions() const override { return grid.kind == VqGrid::Kind::onion; }
+  // Onion slices are of all directions, unless some views or lights were selected: what is between
+  // these is then interpolated, and what is beyond them takes the nearest.
+  bool takes_directions() const override {
+    return grid.kind == VqGrid::Kind::onion && !some_directions;
+  }
   void fitted_texel_at(const Direction& view, const Direction& light, std::size_t y, std::size_t x,
                        std::span<double> out) const override;
 
