@@ -154,7 +154,7 @@ TEST(SimilarCodeVector, OutliersAreLeftOut) {
   const std::size_t width = 120;
   Problem problem = random_problem({width, 0}, 1, 1, 3);
   const double before = dissimilarity(problem, 0, 0);
-  for (const std::size_t outliers : {1, 2, 3}) {
+  for (const std::size_t outliers : Sizes{1, 2, 3}) {
     problem.code_vectors[outliers * 7] = 1000;
     if (outliers <= 2) {
       EXPECT_LE(dissimilarity(problem, 0, 0), before + 0.01);
