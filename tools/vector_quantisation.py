@@ -81,8 +81,8 @@ class Runs:
         return run(self.options.weft, "compress", *arguments, "--memory", self.options.memory)
 
     def vq(self, *arguments):
-        return self.compress("--codec", "vq", "--threshold", self.options.threshold, *self.options.options.split(),
-                             *arguments)
+        threshold = ["--threshold", self.options.threshold] if self.options.threshold else []
+        return self.compress("--codec", "vq", *threshold, *self.options.options.split(), *arguments)
 
     def key(self, *parts):
         options = self.options
@@ -122,7 +122,7 @@ def lpca_row(runs, material):
         report = runs.compress(runs.raw(material), "--codec", "lpca", "--target", f"size={size}", "--ssim",
                                "-o", runs.path("lpca.weft"))
     except Unmet as unmet:
-        return {"unmet": str(unmet)}
+        return {"unmet": str(unmet).removeprefix("weft compress: error: ")}
     return {"bytes": report["file_size"], "snr": report["errors"]["snr"], "ssim": report["errors"].get("ssim"),
             "seconds": report["encode_time"]}
 
@@ -168,8 +168,8 @@ def print_shared(runs):
     if not row:
         return
     texels = len(runs.materials) * runs.options.size ** 2
-    print(f"\n{len(runs.materials)} materials in one data base: {row['bytes']} bytes, 1:{row['raw'] / row['bytes']:.1f}, "
-          f"{row['seconds']:.0f} s of encoding.")
+    print(f"\n{len(runs.materials)} materials in one data base: {row['bytes']} bytes, "
+          f"1:{row['raw'] / row['bytes']:.1f}, {row['seconds']:.0f} s of encoding.")
     alone = [runs.found("table", material) for material in runs.materials]
     if not all(alone):
         return
@@ -217,7 +217,7 @@ def main():
     parser.add_argument("--size", type=int, default=64, help="texels along a side")
     parser.add_argument("--samples", type=int, default=16, help="rays per texel; noise takes code-vectors")
     parser.add_argument("--materials", default=MATERIALS)
-    parser.add_argument("--threshold", default="0.1")
+    parser.add_argument("--threshold", default="0.1", help="none if empty, as with --options '--target snr=15'")
     parser.add_argument("--options", default="", help="more options of weft compress --codec vq")
     parser.add_argument("--parts", default=",".join(PARTS), help="of " + ", ".join(PARTS))
     parser.add_argument("--memory", default="4GiB")

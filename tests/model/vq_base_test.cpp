@@ -117,10 +117,18 @@ TEST_F(VqBaseFile, AMaterialCanBeTakenOut) {
       // one entry alone: most code-vectors go
       VqCodeBook& p6 = base.materials[i].index.p6;
       p6.entries = PackedIndices(std::vector<std::uint32_t>(p6.scales.size(), 2), small_sizes.p4);
-      base.materials[i].index.coarser.clear();
+      // but of a mip level
+      VqModel& index = base.materials[i].index;
+      if (!index.coarser.empty()) {
+        index.coarser.resize(1);
+        index.coarser[0].entries = PackedIndices(std::vector<std::uint32_t>(12, 1), small_sizes.p4);
+      }
       const auto whole = base.model(i);
       const auto alone = whole->select({});
-      EXPECT_EQ(alone->sizes.p4, 1U);
+      EXPECT_EQ(alone->sizes.p4, i == 0 ? 2U : 1U);
+      if (i == 0) {
+        EXPECT_EQ(values_of(*alone->next_mip_level()), values_of(*whole->next_mip_level()));
+      }
       EXPECT_EQ(values_of(*alone), values_of(*whole));
       write_model(path("alone.weft"), *alone);
       EXPECT_EQ(values_of(*VqModel::read(ModelFile(path("alone.weft")))), values_of(*whole));
@@ -150,6 +158,14 @@ TEST_F(VqBaseFile, MipLevelsAreModelsToo) {
   ASSERT_EQ(part->coarser[0].scales.size(), 4U);
   EXPECT_EQ(part->coarser[0].scales[0], model->coarser[0].scales[2 * 3 + 1]);
   EXPECT_EQ(part->coarser[0].scales[3], model->coarser[0].scales[3 * 3 + 2]);
+  // with the entries that its texels have in the whole
+  const auto coarse = part->next_mip_level();
+  std::vector<double> of_part(3);
+  for (std::size_t p = 0; p < 4; ++p) {
+    coarse->fitted_texel(1, 2, p / 2, p % 2, of_part);
+    level->fitted_texel(1, 2, 2 + p / 2, 1 + p % 2, texel);
+    EXPECT_EQ(of_part, texel);
+  }
   Selection odd;
   odd.region = Region{1, 4, 4, 3};
   EXPECT_TRUE(model->select(odd)->coarser.empty());

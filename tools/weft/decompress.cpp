@@ -119,9 +119,7 @@ void run_decompress(const DecompressOptions& options) {
   level.level = selection.part.level;
   BtfInfo info = select(with_decoded_mask(device.get(), model->info, job), level);
   info.source = selected_source(info.source, selection.whole);
-  for (; level.level > 0 && codec.holds_mip_level(*model); --level.level) {
-    model = codec.next_mip_level(*model);
-  }
+  model = at_held_level(model, level.level);
   std::shared_ptr<TileSource> images;
   if (level.level != 0 || !device) {
     BtfInfo as_floats = info;

@@ -89,6 +89,12 @@ std::shared_ptr<TileSource> selected_part(std::shared_ptr<TileSource> input,
   return select(std::move(input), selection);
 }
 
+std::shared_ptr<const Model> at_held_level(std::shared_ptr<const Model> model, std::size_t& level) {
+  const Codec& codec = find_codec(model->info.codec);
+  for (; level > 0 && codec.holds_mip_level(*model); --level) model = codec.next_mip_level(*model);
+  return model;
+}
+
 std::shared_ptr<const Model> selected_model(std::shared_ptr<const Model> model,
                                             const Selection& part, const std::string& file) {
   const Codec& codec = find_codec(model->info.codec);

@@ -42,6 +42,10 @@ ModelSelection make_selection(const SelectionOptions& options, const ModelInfo& 
 std::shared_ptr<TileSource> selected_part(std::shared_ptr<TileSource> input,
                                           const Selection& selection, bool nan_zero);
 
+// The model of the level, as far as a model holds its levels; `level` becomes how many are left, to
+// be averaged of decoded images.
+std::shared_ptr<const Model> at_held_level(std::shared_ptr<const Model> model, std::size_t& level);
+
 // The part of a model, whose levels beyond its own are averaged in the model itself. Throws an
 // input error that names `file` where its codec averages decoded images instead.
 std::shared_ptr<const Model> selected_model(std::shared_ptr<const Model> model,

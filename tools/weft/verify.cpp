@@ -192,13 +192,15 @@ void run_verify(const VerifyOptions& options) {
   const ModelSelection selection = make_selection(options.selection, model->info, options.model);
   const bool whole = selection.part.selects_all();
   const std::optional<ErrorReport> recorded = model->info.errors;
-  // Mip levels are averages of decoded images: of what both decode, that is.
+  // Mip levels that the model does not hold are averages of decoded images: of what both decode,
+  // that is.
   Selection stored = selection.part;
   stored.level = 0;
   Selection level;
   level.level = selection.part.level;
-  const bool averaged = level.level > 0;
   if (!stored.selects_all()) model = codec.select(*model, stored);
+  model = at_held_level(model, level.level);
+  const bool averaged = level.level > 0;
   const BtfShape shape = select(model->info.btf, level).shape;
   std::shared_ptr<TileSource> raw;
   if (options.log_error && options.against.empty()) {
