@@ -82,12 +82,13 @@ void add_materials(Report& report, const VqBaseResult& result, const VqBaseBytes
     rows.push_back({text_cell(material.name), bytes_cell(material.index.info.btf.bytes()),
                     bytes_cell(bytes.own[i]), number_cell(errors.rmse),
                     number_cell(errors.psnr, "dB"), number_cell(errors.snr, "dB"),
-                    number_cell(errors.max_error),
-                    number_cell(errors.ssim.value_or(std::nan("")))});
+                    number_cell(errors.max_error)});
+    if (errors.ssim) rows.back().push_back(number_cell(*errors.ssim));
   }
-  report.table("materials",
-               {"name", "raw_size", "own_size", "rmse", "psnr", "snr", "max_error", "ssim"},
-               std::move(rows));
+  std::vector<std::string> columns{"name", "raw_size", "own_size", "rmse",
+                                   "psnr", "snr",      "max_error"};
+  if (result.measured.front().errors.ssim) columns.emplace_back("ssim");
+  report.table("materials", std::move(columns), std::move(rows));
 }
 
 }  // namespace
