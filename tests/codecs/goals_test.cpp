@@ -214,6 +214,32 @@ TEST_P(Goals, ThatCanNotBeMetSayWhatWasReached) {
                [&] { meet(*source, "snr=30", bound); });
 }
 
+// What a size's models take is foreseen: too little memory for them ends a job that has read no
+// more than the norm of its input.
+TEST(GoalMemory, IsForeseenBeforeTheDecomposition) {
+  const BtfShape shape{6, 6, 20, 20, 3};
+  const auto source = source_of(shape, DType::f16, values_of(shape, 3));
+  CompressRequest request;
+  request.codec = &find_codec("pca");
+  request.storage = storage_request("auto");
+  request.goal = parse_goal("size=16000", source->info());
+  std::size_t needed = 0;
+  Job plenty;
+  plenty.on_plan = [&](const MemoryPlan& plan) { needed = needed > 0 ? needed : plan.total(); };
+  const std::size_t before = source->images_read();
+  (void)sums_of(&shared_device(), *source, plenty);
+  const std::size_t one_pass = source->images_read() - before;
+  needed = 0;
+  EXPECT_LE(model_file_size(*compress(&shared_device(), *source, request, plenty).model), 16000U);
+  Job scarce;
+  scarce.memory = needed - 1;
+  const std::size_t read = source->images_read();
+  expect_error(ErrorKind::input, {fmt::format("--memory {}", needed - 1)},
+               [&] { compress(&shared_device(), *source, request, scarce); });
+  EXPECT_LE(source->images_read() - read, one_pass);
+  EXPECT_TRUE(scarce.held.empty());
+}
+
 TEST_P(Goals, OfDataThatIsHardlyAny) {
   for (const BtfShape& shape :
        {BtfShape{1, 1, 1, 1, 1}, BtfShape{3, 2, 1, 1, 3}, BtfShape{1, 1, 5, 4, 3}}) {

@@ -25,8 +25,11 @@ const BtfShape shape{1, 1, 40, 1, 1};
 // are some times as large.
 class MadeModels final : public NestedModels {
  public:
-  MadeModels(std::vector<double> errors, double foreseen, bool complete)
-      : errors_(std::move(errors)), foreseen_(foreseen), complete_(complete) {}
+  MadeModels(std::vector<double> errors, double foreseen, bool complete, bool cuts_lose = false)
+      : errors_(std::move(errors)),
+        foreseen_(foreseen),
+        complete_(complete),
+        cuts_lose_(cuts_lose) {}
   std::size_t count() const override { return errors_.size(); }
   std::unique_ptr<Model> model(std::size_t i) const override {
     auto model = std::make_unique<PcaModel>();
@@ -42,11 +45,13 @@ class MadeModels final : public NestedModels {
   double error(std::size_t i) const override { return foreseen_ * errors_[i]; }
   bool complete() const override { return complete_; }
   std::string bound() const override { return "--rank 7"; }
+  bool cuts_lose() const override { return cuts_lose_; }
 
  private:
   std::vector<double> errors_;
   double foreseen_;
   bool complete_;
+  bool cuts_lose_;
 };
 
 ErrorReport report_of(double relative) {
@@ -306,6 +311,41 @@ TEST(MeetGoal, TradesComponentsForSteps) {
     fits = false;
     expect_error(ErrorKind::unmet_goal, {"--target size=9000", "9000 are allowed"},
                  [&] { meet_goal(parse_goal("size=9000", info), source, steps, job); });
+  }
+}
+
+// Where the models of smaller decompositions are better, these are made while they are.
+TEST(MeetGoal, DecomposesNearerWhereCutsLose) {
+  const BtfInfo info = make_info(shape, DType::f16);
+  for (const bool lose : {false, true}) {
+    std::size_t held = 0;  // models of the last decomposition
+    const auto error = [&](std::size_t i) {
+      return 0.02 + 0.01 * std::abs(std::log2(static_cast<double>(i + 1) / 22)) +
+             0.2 * static_cast<double>(held - 1 - i) / static_cast<double>(held);
+    };
+    GoalSource source;
+    source.bytes = 1 << 20;
+    source.squares = 100 * rms * rms;
+    source.root_mean_square = rms;
+    GoalSteps steps;
+    steps.decompose = [&](const NestedRequest& request) {
+      held = static_cast<std::size_t>(100 * request.growth);
+      return std::make_unique<MadeModels>(std::vector<double>(held, 1.0), 1, true, lose);
+    };
+    steps.store_to_size = [&](Model& model) {
+      model.info.storage = Storage::f32;
+      // models of other decompositions are others
+      dynamic_cast<PcaModel&>(model).mean[0] = static_cast<float>(held);
+      return true;
+    };
+    steps.measure = [&](const Model& model) {
+      return MeasuredModel{report_of(error(dynamic_cast<const PcaModel&>(model).rank))};
+    };
+    Job job;
+    const GoalResult result = meet_goal(parse_goal("size=9000", info), source, steps, job);
+    // of 100, 50, 25 and 12 the third is best
+    EXPECT_EQ(result.decompositions, lose ? 4U : 1U);
+    EXPECT_EQ(dynamic_cast<const PcaModel&>(*result.model).mean[0], lose ? 25.0f : 100.0f);
   }
 }
 

@@ -392,16 +392,17 @@ class Search {
     return best + 1 < models.count() || models.complete() || exhausted_;
   }
 
-  // Where cuts lose more than they have to and the best is a far one, those of a decomposition of
-  // about its own numbers are tried too.
+  // Where cuts lose more than they have to, those of decompositions of ever fewer numbers are tried
+  // too, unless larger ones came to more.
   void decompose_nearer(NestedRequest request, std::unique_ptr<NestedModels> models) {
-    constexpr double far = 0.7;
-    if (models->cuts_lose() && best_values_ < far * largest_values_) {
-      request.growth = best_values_ / static_cast<double>(request.values);
+    while (models->cuts_lose() && request.growth <= 1) {
+      const double before = least_error_;
+      request.growth /= 2;
       request.spectra = models->spectra();
       models.reset();
       models = decompose(request);
       (void)most_accurate(*models);
+      if (least_error_ >= before) break;
     }
     job_.notes.insert(job_.notes.end(), best_notes_.begin(), best_notes_.end());
   }
