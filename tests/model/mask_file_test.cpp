@@ -220,8 +220,8 @@ TEST(MaskFile, WhatIsNoMaskIsRefused) {
     const std::string bytes = m.bytes_of("mask");
     replace_mask(m, {bytes.size() - 3}, bytes.substr(0, bytes.size() - 3));
   });
-  expect_edit_refused({"weft.format", "4", "1 to 3"},
-                      [](EditableModel& m) { m.metadata()["weft.format"] = "4"; });
+  expect_edit_refused({"weft.format", "5", "1 to 4"},
+                      [](EditableModel& m) { m.metadata()["weft.format"] = "5"; });
   expect_edit_refused({"mask", "shape"}, [](EditableModel& m) { m.metadata().erase("coded"); });
 }
 

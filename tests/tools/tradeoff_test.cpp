@@ -366,7 +366,8 @@ TEST(Tradeoff, BadUsage) {
   expect_refused(point("pca --clusters 3"), "not a parameter of codec pca");
   expect_refused(point("pca -o x.weft"), "no option of a point");
   expect_refused(point("pca --nan maybe"), "--nan");
-  expect_refused(point("pca extra"), "extra");
+  expect_refused(point("pca extra"), "extra is no option");
+  expect_refused(point("vq --into base.weft"), "--into is no option");
   expect_refused(quick({raw}, folder / "out", {"--codecs", "pca", "--with", "--clusters 2"}),
                  "not a parameter of codec pca");
   expect_refused(quick({raw}, folder / "out", {"--codecs", "mp3"}), "mp3");

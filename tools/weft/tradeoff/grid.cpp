@@ -97,8 +97,8 @@ std::vector<TradeoffPoint> product_of(const json& element, const std::string& wh
 
 // Options that a run gives itself.
 void check_own_options(const TradeoffPoint& point) {
-  constexpr std::array own{"-o",      "--output", "--json",    "--quiet", "--ssim",
-                           "--codec", "--help",   "--profile", "-h"};
+  constexpr std::array own{"-o",     "--output",  "--json", "--quiet", "--ssim", "--codec",
+                           "--help", "--profile", "-h",     "--into",  "--names"};
   for (const std::string& word : point.options) {
     const std::string name = word.substr(0, word.find('='));
     if (std::ranges::find(own, name) != own.end()) {
@@ -235,6 +235,11 @@ void check_point(const TradeoffPoint& point) {
     fail_input("{}: {}", text_of(point), error.what());
   } catch (const Error& error) {
     fail_input("{}: {}", text_of(point), error.what());
+  }
+  const std::vector<std::string>& inputs =
+      program.get_subcommand("compress")->get_option("INPUT")->results();
+  if (inputs.size() > 1) {
+    fail_input("{}: {} is no option of a point", text_of(point), inputs.back());
   }
 }
 
