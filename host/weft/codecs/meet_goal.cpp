@@ -379,7 +379,8 @@ class Search {
       best_notes_.assign(job_.notes.begin() + static_cast<std::ptrdiff_t>(notes.size()),
                          job_.notes.end());
       result_.measured = tried.measured;
-      take_by_size(std::move(tried.model), file_size(*tried.model));
+      const std::size_t size = file_size(*tried.model);
+      take_by_size(std::move(tried.model), size);
       return found;
     };
     const std::size_t best =
