@@ -36,7 +36,7 @@ struct VectorData {
 
 // Contrasts of code-vectors from 0 to 2 about a luminance of 1 and about no colour.
 std::shared_ptr<VectorData> vector_data(const Size& size, bool clustered) {
-  const auto data = std::make_shared<VectorData>();
+  auto data = std::make_shared<VectorData>();
   const std::size_t width = size.shape.values();
   data->code_vectors.resize(size.code_vectors * width);
   data->rows.resize(size.vectors * width);
