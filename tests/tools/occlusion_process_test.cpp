@@ -103,6 +103,21 @@ TEST_F(OcclusionProcess, EverySubcommandTakesTheModels) {
   }
 }
 
+// A grid of views belongs to the model of the values alone, also where the mask's is clustered.
+TEST_F(OcclusionProcess, MasksBesideResampledViews) {
+  const ProcessResult made = run_weft(
+      {"compress", path("net.safetensors"), "--codec", "kcta", "--clusters", "3", "--mixtures", "2",
+       "--ranks", "v=1,lc=4,y=6,x=6", "--resample-views", "8", "--occlusion",
+       "kcta --clusters 3 --mixtures 2 --ranks v=1,y=6,x=6", "-o", path("m.weft")});
+  ASSERT_EQ(made.status, 0) << made.err;
+  const ProcessResult verified =
+      run_weft({"verify", path("m.weft"), "--against", path("net.safetensors")});
+  EXPECT_EQ(verified.status, 0) << verified.err;
+  const ProcessResult rendered =
+      run_weft({"render", path("m.weft"), "--size", "16x16", "-o", path("p.png")});
+  EXPECT_EQ(rendered.status, 0) << rendered.err;
+}
+
 TEST_F(OcclusionProcess, PartsDecodeAsTheWhole) {
   ASSERT_EQ(compress("m.weft", {"--occlusion", "tt --ranks 6,5,5,1"}).status, 0);
   ASSERT_EQ(run_weft({"decompress", path("m.weft"), "-o", path("d.safetensors")}).status, 0);

@@ -431,7 +431,7 @@ std::unique_ptr<KctaModel> KctaModel::read(const ModelFile& file) {
   }
   model->mixing = file.real_tensor("mixing", model->mixing_shape(), mixing_axis);
   model->cores = file.real_tensor("cores", found, cores_axis);
-  if (file.file().find(grid_clusters_name) != nullptr) model->read_grid(file);
+  if (file.has(grid_clusters_name)) model->read_grid(file);
   return model;
 }
 
