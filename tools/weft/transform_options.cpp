@@ -1,34 +1,23 @@
 #include "transform_options.hpp"
 
 #include <CLI/CLI.hpp>
-#include <charconv>
 
 #include "weft/error.hpp"
+#include "weft/number_list.hpp"
 
 namespace weft {
 namespace {
 
 // "1,0.5,0.5"
 std::vector<double> parse_weights(const std::string& text) {
-  std::vector<double> weights;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  for (bool more = true; more; ++at) {
-    double value = 0;
-    const auto [stop, status] = std::from_chars(at, end, value);
-    // written so that NaN fails
-    if (status != std::errc() || (stop != end && *stop != ',') ||
-        !(value >= 1e-6 && value <= 1e6)) {
-      fail_input(
-          "--channel-weights {}: a number from 1e-6 to 1e6 for each channel is needed, as "
-          "1,0.5,0.5",
-          text);
-    }
-    weights.push_back(value);
-    at = stop;
-    more = at != end;
+  const auto weights = parse_number_list(text, 1e-6, 1e6);
+  if (!weights) {
+    fail_input(
+        "--channel-weights {}: a number from 1e-6 to 1e6 for each channel is needed, as "
+        "1,0.5,0.5",
+        text);
   }
-  return weights;
+  return *weights;
 }
 
 }  // namespace

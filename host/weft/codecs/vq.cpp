@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <functional>
 #include <string_view>
@@ -20,6 +19,7 @@
 #include "weft/error.hpp"
 #include "weft/model/model_file.hpp"
 #include "weft/model/storage.hpp"
+#include "weft/number_list.hpp"
 #include "weft/reference/vq.hpp"
 #include "weft/reference/vq_light_sampler.hpp"
 
@@ -70,23 +70,12 @@ std::string_view text_of(const Parameters& parameters, std::string_view name) {
 std::vector<double> numbers_of(const Parameters& parameters, std::string_view name,
                                std::size_t most, double largest) {
   const std::string_view text = text_of(parameters, name);
-  std::vector<double> numbers;
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  for (bool more = true; more; ++at) {
-    double value = 0;
-    const auto [stop, status] = std::from_chars(at, end, value);
-    // written so that NaN fails
-    if (status != std::errc() || (stop != end && *stop != ',') ||
-        !(value >= 0 && value <= largest) || numbers.size() == most) {
-      fail_input("--{} {}: 1 to {} numbers from 0 to {} are needed, with commas between them", name,
-                 text, most, largest);
-    }
-    numbers.push_back(value);
-    at = stop;
-    more = at != end;
+  const auto numbers = parse_number_list(text, 0, largest);
+  if (!numbers || numbers->size() > most) {
+    fail_input("--{} {}: 1 to {} numbers from 0 to {} are needed, with commas between them", name,
+               text, most, largest);
   }
-  return numbers;
+  return *numbers;
 }
 
 // Of P4, P3, M, P2, P1, I2, I1 and C; those that are not given follow the others.
